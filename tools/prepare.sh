@@ -13,7 +13,7 @@ timed() {
     printf -- '-- %s: %d s\n' "$name" "$((SECONDS - begin))"
 }
 
-# Debian's and Ubuntu's names of what building needs.
+# Debian's and Ubuntu's names of the packages for a build.
 build_packages=(g++ pkg-config libshaderc-dev glslang-dev spirv-tools)
 
 # Usage: install_missing PACKAGE...
@@ -47,12 +47,12 @@ install_missing() {
             esac
         fi
     fi
-    # Chained: a stage runs where bash does not stop at a failing command.
+    # Chained with &&: a stage runs where bash does not stop at a failing command.
     "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -qq </dev/null &&
         "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" </dev/null
 }
 
-# A driver is only installed where there is none.
+# A driver is installed only if there is none.
 has_vulkan_driver() {
     local folder
     for folder in /usr/share/vulkan/icd.d /etc/vulkan/icd.d /usr/local/share/vulkan/icd.d; do
@@ -61,7 +61,7 @@ has_vulkan_driver() {
     [ -n "${VK_ICD_FILENAMES:-}${VK_DRIVER_FILES:-}" ]
 }
 
-# The compiler has to be as new as Cargo.toml says; Debian 12's own is too old.
+# The compiler has to be as new as Cargo.toml says; that of Debian 12 is too old.
 check_rust() {
     local need have
     need=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)

@@ -1,4 +1,4 @@
-//! Files that appear whole or not at all.
+//! Writes files whole or not at all.
 
 use std::fs::{DirEntry, File};
 use std::io::{self, BufWriter, Write};
@@ -7,17 +7,17 @@ use std::path::Path;
 use super::Error;
 use super::disk::{Disk, System, refuses_flush};
 
-/// The beginning of the name of a temporary file. Its length does not depend on that of the file's name,
-/// which may be the longest there is.
+/// Prefix of a temporary file's name. Its length does not depend on the file's name, which may have the longest
+/// possible length.
 const PREFIX: &str = ".psrgs-vk-";
-/// Letters and digits drawn for the name.
+/// Random letters and digits of the name.
 const DRAWN: usize = 12;
 const SUFFIX: &str = ".tmp";
 
-/// Writes a file so that a reader, or a crash at any moment, finds either the old content or the new one: into a
-/// temporary file of the same folder, flushed to the disk, renamed, the folder flushed. On an error the temporary file
-/// is removed and what stood there before stays. A link in the file's place is replaced, not followed. Where the file
-/// system does not flush folders, the file is written all the same ([`unflushed`] tells).
+/// Writes a file so that a reader, or a crash at any moment, finds either the old content or the new. The content goes
+/// into a temporary file in the same folder, which is flushed to the disk and renamed, and the folder is flushed. On an
+/// error the temporary file is removed and the old file stays. A link in the file's place is replaced, not followed.
+/// Where the file system cannot flush folders, the file is still written (see [`unflushed`]).
 pub fn write(file: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), Error> {
     write_on(&System, file, content)
 }
@@ -39,14 +39,13 @@ fn write_on(
     }
 }
 
-/// Why the file system of a folder does not flush the names in it, where that is so: after a loss of power the files
-/// written last may have their former content. For a warning before long work.
+/// The error of a file system that cannot flush the names in a folder, for a warning before long work: after a loss of
+/// power the last files may have their former content.
 pub fn unflushed(folder: &Path, disk: &impl Disk) -> Option<io::Error> {
     disk.flush_folder(folder).err().filter(refuses_flush)
 }
 
-/// Whether [`write()`] finds a place for its temporary file, for who would learn at the end of long work that it does
-/// not.
+/// Fails where [`write()`] could not create its temporary file, for callers that would learn so only after long work.
 pub fn check(file: &Path) -> Result<(), Error> {
     if file.is_dir() {
         return Err(Error::io(file, "write")(io::ErrorKind::IsADirectory.into()));
@@ -54,7 +53,7 @@ pub fn check(file: &Path) -> Result<(), Error> {
     beside(file).map(drop)
 }
 
-/// The folder of a file, and a temporary file in it.
+/// The folder of a file, and a temporary file in that folder.
 fn beside(file: &Path) -> Result<(&Path, tempfile::NamedTempFile), Error> {
     let folder = match file.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -64,18 +63,18 @@ fn beside(file: &Path) -> Result<(&Path, tempfile::NamedTempFile), Error> {
     Ok((folder, temporary))
 }
 
-/// Removes what a process that was killed while it wrote a file has left in a folder: it takes room. A file that only
-/// looks like one of those, and one that a process is still writing, stays. Where it does not work, nothing is lost.
+/// Removes temporary files that killed processes have left in a folder. Files with similar names and files that a
+/// process is still writing stay. Errors are ignored.
 pub fn remove_unfinished(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         if is_temporary(&entry) && is_abandoned(&entry.path()) {
-            // An error here is not worth stopping for.
+            // A failed removal does no harm.
             let _ = std::fs::remove_file(entry.path());
         }
     }
 }
 
-/// By its name, which [`temporary_file`] gives and nobody else; and it is a file itself and no link to one.
+/// Whether a file has a name of [`temporary_file`], and is no link.
 fn is_temporary(entry: &DirEntry) -> bool {
     let name = entry.file_name();
     let drawn = name.to_str().and_then(|name| name.strip_prefix(PREFIX)?.strip_suffix(SUFFIX));
@@ -83,7 +82,7 @@ fn is_temporary(entry: &DirEntry) -> bool {
         && entry.file_type().is_ok_and(|kind| kind.is_file())
 }
 
-/// Whether no process holds the file, as far as the file system can tell.
+/// Whether no process has locked the file, as far as the file system says.
 #[cfg(unix)]
 fn is_abandoned(file: &Path) -> bool {
     File::open(file).is_ok_and(|opened| !matches!(opened.try_lock(), Err(std::fs::TryLockError::WouldBlock)))
@@ -91,20 +90,20 @@ fn is_abandoned(file: &Path) -> bool {
 
 #[cfg(not(unix))]
 fn is_abandoned(_: &Path) -> bool {
-    // A file that another process has open cannot be removed there.
+    // Here a file that another process has open cannot be removed.
     true
 }
 
 fn temporary_file(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX).rand_bytes(DRAWN).suffix(SUFFIX);
-    // Temporary files are private by default; this one becomes an ordinary file, which the umask rules.
+    // Temporary files are private by default. This file becomes an ordinary one with the permissions of the umask.
     #[cfg(unix)]
     let permissions = std::os::unix::fs::PermissionsExt::from_mode(0o666);
     #[cfg(unix)]
     builder.permissions(permissions);
     let temporary = builder.tempfile_in(folder)?;
-    // Shows others that it is not abandoned. Without locks it is as it was.
+    // The lock shows that the file is in use. Without locks nothing changes.
     #[cfg(unix)]
     let _ = temporary.as_file().try_lock();
     Ok(temporary)
@@ -118,7 +117,7 @@ mod tests {
 
     use super::*;
 
-    /// Notes what is asked of it in order; answers flushes of folders, and then of files, with errors of the system.
+    /// Records the requests in order. Fails flushes of folders and of files with given system errors.
     #[derive(Default)]
     struct Watched {
         asked: RefCell<Vec<String>>,
@@ -147,7 +146,7 @@ mod tests {
         }
     }
 
-    /// All of the content before the name, and the name after.
+    /// The whole content is flushed before the rename, and the name after it.
     #[test]
     fn a_file_is_flushed_before_its_rename_and_its_folder_after() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,8 +1,8 @@
-//! The state of a training as one file.
+//! The state of a training in one file.
 //!
-//! All numbers little endian: the eight bytes `PSRGS-VK`, u32 version, u32 number of sections; then per section, in the
-//! order of their names, u32 length of the name, the name, u64 length of the content, u32 CRC-32 of the content, the
-//! content; at the end u32 CRC-32 of everything before it. What the sections mean is the trainer's affair.
+//! All numbers are little endian. Header: the eight bytes `PSRGS-VK`, u32 version, u32 number of sections. Each
+//! section, in the order of the names: u32 length of the name, the name, u64 length of the content, u32 CRC-32 of the
+//! content, the content. End: u32 CRC-32 of everything before. The trainer defines the contents of the sections.
 
 mod store;
 
@@ -18,20 +18,20 @@ use super::{Error, atomic};
 pub use store::{Latest, file_name, latest, newest, save, told_apart};
 
 const MAGIC: [u8; 8] = *b"PSRGS-VK";
-/// Version of the layout written; others are refused.
+/// Version of the layout. Other versions are refused.
 pub const VERSION: u32 = 1;
 
 /// Named sections of bytes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Checkpoint {
     sections: BTreeMap<String, Vec<u8>>,
-    /// Where it was read from, for complaints.
+    /// The file it was read from, for errors.
     file: PathBuf,
 }
 
-/// A number a section can be made of.
+/// A number that a section can hold.
 pub trait Value: bytemuck::Pod {
-    /// Bytes of the number, least significant first; the same function leads back.
+    /// Converts between native and little endian byte order.
     fn little_endian(self) -> Self;
 }
 
@@ -60,7 +60,7 @@ impl Value for f64 {
 }
 
 impl Checkpoint {
-    /// Without sections.
+    /// A checkpoint without sections.
     pub fn new() -> Self {
         Self::default()
     }
@@ -107,7 +107,7 @@ impl Checkpoint {
         Ok(bytes.chunks_exact(size_of::<T>()).map(read).collect())
     }
 
-    /// The one number of a section.
+    /// The single number of a section.
     pub fn value<T: Value>(&self, section: &str) -> Result<T, Error> {
         match self.values(section)?.as_slice() {
             [value] => Ok(*value),
@@ -121,14 +121,14 @@ impl Checkpoint {
     }
 
     fn wrong(&self, section: &str, problem: String) -> Error {
-        // The offset is that of the file as it was read: sections lie in the order of their names.
+        // Byte offset of the section in the file as read: sections are in the order of their names.
         let before: usize =
             self.sections.range(..section.to_owned()).map(|(name, content)| name.len() + content.len() + 16).sum();
         let at = super::At::Byte((16 + before) as u64);
         Error::malformed(&self.file, format_args!("section '{section}'"), at, problem)
     }
 
-    /// Writes the file whole or not at all.
+    /// Writes the file, whole or not at all.
     pub fn write(&self, file: &Path) -> Result<(), Error> {
         let count = u32::try_from(self.sections.len()).ok();
         let names: Option<Vec<u32>> = self.sections.keys().map(|name| u32::try_from(name.len()).ok()).collect();
@@ -153,7 +153,7 @@ impl Checkpoint {
         })
     }
 
-    /// Reads a file and checks its sums.
+    /// Reads a file and checks its checksums.
     pub fn read(file: &Path) -> Result<Self, Error> {
         let mut source = Source::open(file)?;
         let mut sum = Hasher::new();
@@ -205,7 +205,7 @@ fn section(source: &mut Source, sum: &mut Hasher, i: u32) -> Result<(String, Vec
     Ok((name, content))
 }
 
-/// Passes bytes on and sums them up.
+/// Passes bytes on and computes their checksum.
 struct Summed<'a> {
     out: &'a mut dyn Write,
     sum: Hasher,

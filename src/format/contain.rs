@@ -1,9 +1,9 @@
-//! Panics of foreign decoders: some of them assert properties that damaged data does not have.
+//! Catches panics of decoders in other crates: some assert properties that damaged data lacks.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// The result of a decoder, or its message when it panics. After a panic the data of the decoder must not be used.
+/// The result of a decoder, or its message if it panics. Do not use the decoder's data after a panic.
 pub(crate) fn contained<T>(decode: impl FnOnce() -> T) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(decode)).map_err(|cause| said(cause.as_ref()))
 }

@@ -1,17 +1,16 @@
-//! Requests to the file system beyond reading and writing: flushes and locks.
-//! File systems over a network refuse some of these requests.
+//! File system requests beyond reading and writing: flushes and locks. Network file systems refuse some of them.
 
 use std::fs::{File, TryLockError};
 use std::io;
 use std::path::Path;
 
-/// The file system as writers see it. A test puts another one in its place.
+/// The file system that writers use. Tests replace it.
 pub trait Disk {
     /// Flushes a file to the disk.
     fn flush_file(&self, file: &File) -> io::Result<()>;
     /// Flushes the names in a folder to the disk.
     fn flush_folder(&self, folder: &Path) -> io::Result<()>;
-    /// Takes a file for this process alone, until the file is closed.
+    /// Locks a file for this process until the file is closed.
     fn try_lock(&self, file: &File) -> Result<(), TryLockError>;
 }
 
@@ -31,7 +30,7 @@ impl Disk for System {
 
     #[cfg(not(unix))]
     fn flush_folder(&self, _: &Path) -> io::Result<()> {
-        // Folders cannot be opened there; the rename itself is journalled.
+        // Folders cannot be opened here; the rename itself is journalled.
         Ok(())
     }
 
@@ -40,14 +39,13 @@ impl Disk for System {
     }
 }
 
-/// Whether a file system says by this error that flushes of folders are not among its services.
-/// An error of the disk is another matter.
+/// Whether the error says that the file system cannot flush folders, as opposed to an error of the disk.
 pub(crate) fn refuses_flush(error: &io::Error) -> bool {
     let kinds = [io::ErrorKind::Unsupported, io::ErrorKind::InvalidInput, io::ErrorKind::PermissionDenied];
     kinds.contains(&error.kind()) || is_one_of(error, unsupported::FLUSH)
 }
 
-/// Whether a file system says by this error that locks are not among its services.
+/// Whether the error says that the file system has no locks.
 pub(crate) fn refuses_lock(error: &io::Error) -> bool {
     error.kind() == io::ErrorKind::Unsupported || is_one_of(error, unsupported::LOCK)
 }

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use super::left_out::OfRecord;
 
-/// A place in a file.
+/// A position in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum At {
-    /// Bytes from the beginning of a binary file.
+    /// Bytes from the beginning.
     Byte(u64),
-    /// Line of a text file, the first being 1.
+    /// Line number, from 1.
     Line(u64),
 }
 
@@ -34,17 +34,17 @@ pub enum Error {
         file: PathBuf,
         /// The action that failed ("read", "create the temporary file", ...).
         action: &'static str,
-        /// Its answer.
+        /// The operating system's error.
         source: io::Error,
     },
-    /// The content is not what the format asks for.
+    /// The content violates the format.
     #[error("{}: {field} at {at}: {problem}", file.display())]
     Malformed {
         /// The file.
         file: PathBuf,
-        /// The field that was being read.
+        /// The field.
         field: String,
-        /// Where it begins.
+        /// Position where the field begins.
         at: At,
         /// The problem.
         problem: String,
@@ -54,7 +54,7 @@ pub enum Error {
     Unwritable {
         /// The file.
         file: PathBuf,
-        /// The content.
+        /// The content that cannot be written.
         what: &'static str,
         /// Why not.
         problem: String,
@@ -64,7 +64,7 @@ pub enum Error {
     NoSection {
         /// The checkpoint.
         file: PathBuf,
-        /// The section that was asked for.
+        /// The missing section.
         section: String,
     },
     /// Checkpoints were found, but none can be read.
@@ -72,7 +72,7 @@ pub enum Error {
     NoValidCheckpoint {
         /// The folder that was searched.
         folder: PathBuf,
-        /// The problem of each.
+        /// The problem of each checkpoint.
         problems: String,
     },
 }

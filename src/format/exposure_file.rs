@@ -1,4 +1,4 @@
-//! `exposures.json`: how the photographs of a training were exposed.
+//! `exposures.json`: the exposures of the training photographs.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -6,14 +6,15 @@ use std::path::Path;
 use super::{At, Error, atomic, read_text};
 use crate::scene::ExposureMatrix;
 
-/// The name of the file, in the folder of the run.
+/// Name of the file in the run's folder.
 pub const EXPOSURE_FILE: &str = "exposures.json";
 
-/// A 3x4 matrix for each training photograph, by name: what it shows of (r, g, b, 1) of the model, colours from 0 to 1.
+/// A 3x4 matrix per training photograph, which maps the model's colour (r, g, b, 1) to the photograph's. Colours are
+/// from 0 to 1.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(transparent)]
 pub struct ExposureFile {
-    /// Name and matrix, row by row.
+    /// Matrix (row by row) by the photograph's name.
     pub photographs: BTreeMap<String, ExposureMatrix>,
 }
 

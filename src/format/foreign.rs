@@ -1,19 +1,18 @@
-//! Files that are something else than they are taken for, told by how they begin: what each is,
-//! and what to do about it.
+//! Recognises files of other kinds by their first bytes, and says what each is and what to do about it.
 
 use std::path::Path;
 
-/// Bytes of a file's beginning that are looked at.
+/// Bytes at a file's beginning that are compared.
 pub(crate) const LOOKED_AT: usize = 512;
 /// Bytes of a splat in a `.splat` file.
 const SPLAT_BYTES: u64 = 32;
-/// Extensions of cameras' raw files, most of which are TIFF files with a small picture for the eye in front.
+/// Extensions of camera raw files. Most are TIFF files with a small preview at the beginning.
 const RAW: [&str; 12] = ["dng", "nef", "nrw", "arw", "sr2", "cr2", "cr3", "raf", "orf", "rw2", "pef", "srw"];
 
 const CONVERT_PICTURE: &str = "convert it to JPEG or PNG";
 const CONVERT_MODEL: &str = "convert it to a PLY file, with splat-transform or the program that wrote it";
 
-/// The kind of a file that begins with `begin`, and the remedy: a sentence without its subject. `None` for an unknown
+/// The kind of a file that begins with `begin`, and the remedy, worded to follow a subject; `None` for an unknown
 /// beginning.
 pub(crate) fn described(file: &Path, bytes: u64, begin: &[u8]) -> Option<String> {
     if bytes == 0 {
@@ -23,7 +22,7 @@ pub(crate) fn described(file: &Path, bytes: u64, begin: &[u8]) -> Option<String>
     Some(format!("this is {what}: {remedy}"))
 }
 
-/// The description of a raw file of a camera. Decoders take such a file for the small picture at its beginning.
+/// Describes a camera raw file. Decoders would return the small preview at its beginning.
 pub(crate) fn described_raw(file: &Path) -> Option<String> {
     let raw = RAW.contains(&extension(file).as_str());
     raw.then(|| "this is a camera's raw file: develop it to JPEG, PNG or TIFF".to_owned())
@@ -37,7 +36,7 @@ fn named(extension: &str, bytes: u64, begin: &[u8]) -> Option<(&'static str, &'s
     text(begin).or_else(|| picture(begin)).or_else(|| model(extension, bytes, begin)).or_else(|| other(begin))
 }
 
-/// Texts in place of the file: pointers of large-file storage, and pages of servers.
+/// Texts in place of a file: pointers of Git LFS, and web pages.
 fn text(begin: &[u8]) -> Option<(&'static str, &'static str)> {
     if begin.starts_with(b"version https://git-lfs") {
         return Some(("a pointer of Git LFS and not the file itself", "fetch the file with 'git lfs pull'"));
@@ -54,7 +53,7 @@ fn text(begin: &[u8]) -> Option<(&'static str, &'static str)> {
     None
 }
 
-/// Pictures and films.
+/// Pictures and videos.
 fn picture(begin: &[u8]) -> Option<(&'static str, &'static str)> {
     let what = match begin {
         [0xff, 0xd8, 0xff, ..] => "a JPEG picture",
@@ -73,7 +72,7 @@ fn picture(begin: &[u8]) -> Option<(&'static str, &'static str)> {
     Some((what, CONVERT_PICTURE))
 }
 
-/// Files of ISO's base media format, told apart by their brand.
+/// Files in ISO's base media format, by their brand.
 fn boxed(brand: &[u8]) -> (&'static str, &'static str) {
     match brand.get(..4).unwrap_or_default() {
         b"avif" | b"avis" => ("a picture of the format AVIF", CONVERT_PICTURE),
@@ -85,7 +84,7 @@ fn boxed(brand: &[u8]) -> (&'static str, &'static str) {
     }
 }
 
-/// Models and clouds.
+/// Models and point clouds.
 fn model(extension: &str, bytes: u64, begin: &[u8]) -> Option<(&'static str, &'static str)> {
     let what = match (begin, extension) {
         ([b'p', b'l', b'y', b'\n' | b'\r', ..], _) => {
@@ -107,7 +106,7 @@ fn model(extension: &str, bytes: u64, begin: &[u8]) -> Option<(&'static str, &'s
     Some((what, CONVERT_MODEL))
 }
 
-/// Containers whose content is not looked at.
+/// Containers whose content is not inspected.
 fn other(begin: &[u8]) -> Option<(&'static str, &'static str)> {
     match begin {
         [b'%', b'P', b'D', b'F', ..] => Some(("a PDF document", "take the pictures out of it")),

@@ -7,24 +7,24 @@ use serde::{Deserialize, Serialize};
 use super::{At, Error, atomic, read_text};
 use crate::scene::{Coordinates, Frame};
 
-/// The name of the file, in the folder of the model.
+/// Name of the file in the model's folder.
 pub const FRAME_FILE: &str = "frame.json";
 
-/// How the coordinates of a trained model, of its files and of its dataset go together.
+/// The relation between the coordinates of the scene, of model files and of the dataset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameFile {
     /// scene = (dataset - offset) * scale.
     #[serde(flatten)]
     pub frame: Frame,
-    /// Positions in model files are dataset coordinates minus this.
+    /// Positions in model files are dataset coordinates minus this shift.
     pub shift: [f64; 3],
-    /// Where on Earth dataset coordinates are, where the dataset says it.
+    /// Where on Earth the dataset's coordinates lie, if the dataset says so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coordinates: Option<Coordinates>,
 }
 
 impl FrameFile {
-    /// The frame of a dataset, with the shift its model files have.
+    /// The frame of a dataset, with the shift of its model files.
     pub fn new(frame: Frame, coordinates: Option<Coordinates>) -> Self {
         Self { frame, shift: frame.shift(), coordinates }
     }
@@ -47,7 +47,7 @@ impl FrameFile {
         Ok(read)
     }
 
-    /// Reads the file in the folder of a model, if there is one.
+    /// Reads the file beside a model, if it exists.
     pub fn beside(model: &Path) -> Result<Option<Self>, Error> {
         let file = model.with_file_name(FRAME_FILE);
         if file.is_file() { Self::read(&file).map(Some) } else { Ok(None) }

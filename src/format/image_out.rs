@@ -1,4 +1,4 @@
-//! Pictures out: 8-bit PNG, and OpenEXR for what has units.
+//! Writes images: 8-bit PNG, and OpenEXR for values with units.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ pub use open_exr::{
     write_luminance, write_normals,
 };
 
-/// A value from 0 to 1 as 8 bits, rounded to the nearest as evaluation does; what is not a number becomes 0.
+/// A value from 0 to 1 as 8 bits, rounded to the nearest as in evaluation. NaN becomes 0.
 pub fn to_u8(value: f32) -> u8 {
     // The cast saturates and turns NaN into 0.
     (value.clamp(0.0, 1.0) * 255.0).round() as u8

@@ -1,4 +1,4 @@
-//! Laser scans in LAS files and, compressed, in LAZ files (ASPRS LAS 1.0 to 1.4).
+//! Laser scans in LAS and compressed LAZ files (ASPRS LAS 1.0 to 1.4).
 
 mod items;
 
@@ -22,21 +22,21 @@ const SHORTEST_HEADER: u64 = 227;
 const HEADER_OF_4: u64 = 375;
 /// Bytes of a record of each point format without extra bytes.
 const RECORD_BYTES: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
-/// Point formats from this one on are compressed in layers.
+/// Point formats from this number on are compressed in layers.
 const LAYERED_FROM: u8 = 6;
-/// Bytes of the head of an extended record.
+/// Bytes of an extended record's header.
 const EXTENDED_HEAD: u64 = 60;
-/// Bits of the point format that say how points are compressed.
+/// Bits of the point format that mark compression.
 const COMPRESSED: u8 = 0xc0;
-/// Bytes of a chunk that there are at least, its first point and the sizes of its parts among them.
+/// Least bytes of a chunk, which has a whole first point and the sizes of its parts.
 const LEAST_CHUNK: u64 = 24;
-/// Compressed points that a byte can hold at most: scans have less than one,
-/// but a decoder finds thousands in bytes that say "as before".
+/// Most compressed points per byte. Scans have fewer than one, but the decoder finds thousands in bytes that repeat the
+/// last point.
 const MOST_PER_BYTE: u64 = 16;
-/// Points that are decoded at a time.
+/// Points decoded at a time.
 const BATCH: u64 = 1 << 16;
 
-/// The parts of the header by which the rest of the file is read.
+/// The fields of the header that describe the rest of the file.
 struct Header {
     points: u64,
     data: u64,
@@ -45,8 +45,9 @@ struct Header {
     compressed: bool,
 }
 
-/// The positions in a LAS or LAZ file, with its scale and offset applied in double precision. Points marked as withheld
-/// or as noise are left out. Sizes that the header names are compared with the file's before anything is made of them.
+/// Reads the positions of a LAS or LAZ file, with its scale and offset applied in double precision. Points marked as
+/// withheld or as noise are left out. Sizes in the header are checked against the file's size before memory is
+/// allocated.
 pub fn read(file: &Path) -> Result<Vec<[f64; 3]>, Error> {
     let header = header(file)?;
     if header.compressed {
@@ -96,7 +97,7 @@ fn header(file: &Path) -> Result<Header, Error> {
             return Err(source.error(131 + 8 * k as u64, name, format_args!("is {value}")));
         }
     }
-    // Coordinates are 32-bit numbers, scaled and moved.
+    // Coordinates are 32-bit integers with a scale and an offset.
     for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
         let (scale, offset) = (float(131 + 8 * k), float(155 + 8 * k));
         if !(scale * 2_f64.powi(31) + offset.abs().copysign(scale)).is_finite() {
@@ -134,7 +135,7 @@ fn header(file: &Path) -> Result<Header, Error> {
     Ok(Header { points, data, format, record, compressed })
 }
 
-/// Whether the records after the points lie within the file.
+/// Checks that the records after the points lie within the file.
 fn extended_records(file: &Path, first: u64, records: u32) -> Result<(), Error> {
     let mut source = Source::open(file)?;
     if records == 0 {
@@ -150,7 +151,7 @@ fn extended_records(file: &Path, first: u64, records: u32) -> Result<(), Error> 
     Ok(())
 }
 
-/// Whether the sizes that the decoder makes room for lie within the file.
+/// Checks that the sizes for which the decoder allocates memory lie within the file.
 fn compressed_sizes(file: &Path, header: &Header) -> Result<(), Error> {
     let mut source = Source::open(file)?;
     source.skip(header.data, "point data")?;
@@ -159,7 +160,7 @@ fn compressed_sizes(file: &Path, header: &Header) -> Result<(), Error> {
     let data = source.at();
     let len = data + source.remaining();
     if table <= at as i64 {
-        // Writers that could not go back have left it at the end.
+        // Writers that cannot seek back put the offset at the end of the file.
         let mut end = Source::open(file)?;
         end.skip(len - 8, "offset to chunk table")?;
         table = i64::from_le_bytes(end.array("offset to chunk table")?);

@@ -1,24 +1,24 @@
-//! Records of a file that cannot be used: a few are left out, and told.
+//! Leaves out a few unusable records of a file, with a warning.
 
 use crate::numbers::grouped;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// The share of records that may be left out is 1 / `ONE_OF`. A file with more bad records is damaged as a whole.
+/// At most 1 / `ONE_OF` of the records may be left out. A file with more bad records is damaged as a whole.
 const ONE_OF: usize = 10;
 
-/// The records that were left out of a file.
+/// The records left out of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LeftOut {
-    /// The file, or the folder.
+    /// The file or folder.
     pub file: PathBuf,
     /// The kind of the records, in the plural.
     pub what: &'static str,
-    /// The number of records that are left out.
+    /// Number of records left out.
     pub count: usize,
-    /// The number of all records.
+    /// Number of all records.
     pub of: usize,
-    /// The first record that is left out.
+    /// The first record left out.
     pub first: String,
     /// The problem of the first record.
     pub problem: String,
@@ -38,13 +38,13 @@ impl fmt::Display for LeftOut {
     }
 }
 
-/// An error of one record, which others may share.
+/// An error about one record.
 pub(crate) trait OfRecord: fmt::Display {
-    /// The same with words on how many there are.
+    /// The error with an appended note on the number of bad records.
     fn with(self, more: String) -> Self;
 }
 
-/// Counts records that cannot be used while a file is read.
+/// Counts unusable records while a file is read.
 pub(crate) struct Tally<E> {
     strict: bool,
     count: usize,
@@ -52,12 +52,12 @@ pub(crate) struct Tally<E> {
 }
 
 impl<E: OfRecord> Tally<E> {
-    /// Leaves records out, or where it is `strict` none.
+    /// Counts records; where `strict` is set, the first bad record is an error.
     pub(crate) fn new(strict: bool) -> Self {
         Self { strict, count: 0, first: None }
     }
 
-    /// Counts a record that cannot be used.
+    /// Counts an unusable record.
     pub(crate) fn bad(&mut self, name: impl fmt::Display, error: E) -> Result<(), E> {
         if self.strict {
             return Err(error);
@@ -69,7 +69,7 @@ impl<E: OfRecord> Tally<E> {
         Ok(())
     }
 
-    /// A record, or nothing where it cannot be used.
+    /// The record, or `None` after counting its error.
     pub(crate) fn take<T>(&mut self, name: impl fmt::Display, record: Result<T, E>) -> Result<Option<T>, E> {
         match record {
             Ok(record) => Ok(Some(record)),
@@ -77,12 +77,12 @@ impl<E: OfRecord> Tally<E> {
         }
     }
 
-    /// The number of records left out so far.
+    /// Number of records left out so far.
     pub(crate) fn count(&self) -> usize {
         self.count
     }
 
-    /// The records left out beside `kept` good ones. An error, the first one, where more than one of ten is left out.
+    /// The records left out besides `kept` good ones. Where they are more than one in ten, the first error.
     pub(crate) fn end(self, file: &Path, what: &'static str, kept: usize) -> Result<Option<LeftOut>, E> {
         let (count, of) = (self.count, self.count + kept);
         match self.first {
@@ -95,17 +95,17 @@ impl<E: OfRecord> Tally<E> {
         }
     }
 
-    /// The records left out of `of` records, whatever their share.
+    /// The records left out of `of` records, regardless of their share.
     pub(crate) fn told(self, file: &Path, what: &'static str, of: usize) -> Option<LeftOut> {
         let (first, error) = self.first?;
         let said = error.to_string();
-        // The file is named already.
+        // The warning names the file already.
         let problem = said.strip_prefix(&format!("{}: ", file.display())).unwrap_or(&said).to_owned();
         Some(LeftOut { file: file.to_owned(), what, count: self.count, of, first, problem })
     }
 }
 
-/// Whether so few of `of` are missing that the rest can be used.
+/// Whether so few of `of` records are missing that the rest can be used.
 pub(crate) fn few(missing: u64, of: u64) -> bool {
     missing.saturating_mul(ONE_OF as u64) <= of
 }

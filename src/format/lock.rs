@@ -1,4 +1,4 @@
-//! A file that one process holds at a time, so that two do not write one place.
+//! A lock file, so that two processes do not write to one place.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
@@ -8,23 +8,22 @@ use std::time::{Duration, Instant};
 use super::Error;
 use super::disk::{Disk, refuses_lock};
 
-/// How long until a lock that another process holds is asked for again.
+/// Time between two requests for a lock that another process holds.
 const AGAIN: Duration = Duration::from_millis(10);
 
 /// The answer to a request for a lock.
 #[derive(Debug)]
 pub enum Lock {
-    /// Held until this is dropped, also when the process is killed.
+    /// Locked until the file is dropped or the process ends.
     Held(File),
-    /// Another process holds the file.
+    /// Another process has locked the file.
     Taken,
-    /// The file system has no locks: whether another process writes there cannot be told.
+    /// The file system has no locks, so another process may be writing.
     Unsupported(io::Error),
 }
 
 impl Lock {
-    /// Asks for the lock of a file, which is made where there is none. The file keeps what is in it,
-    /// and no link is followed.
+    /// Requests the lock of a file, which is created if missing. The file's content stays, and no link is followed.
     pub fn ask(file: &Path, disk: &impl Disk) -> Result<Self, Error> {
         let opened = open(file)?;
         match disk.try_lock(&opened) {
@@ -35,7 +34,7 @@ impl Lock {
         }
     }
 
-    /// The same, and waits so long for another process to let go of the file.
+    /// [`Self::ask`], waiting up to `longest` for another process to release the lock.
     pub fn wait(file: &Path, disk: &impl Disk, longest: Duration) -> Result<Self, Error> {
         let begun = Instant::now();
         loop {
@@ -54,7 +53,7 @@ fn open(file: &Path) -> Result<File, Error> {
     {
         use rustix::fs::OFlags;
         use std::os::unix::fs::OpenOptionsExt as _;
-        // A pipe in its place must not keep the process waiting.
+        // A pipe in the file's place must not block the process.
         options.custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32);
     }
     #[cfg(windows)]
@@ -81,7 +80,7 @@ mod tests {
     use super::*;
     use crate::format::disk::System;
 
-    /// A disk that answers a lock with an error of the system.
+    /// A disk whose locks fail with a system error.
     #[cfg(unix)]
     struct WithoutLocks(rustix::io::Errno);
 

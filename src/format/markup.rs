@@ -1,6 +1,6 @@
 //! Text within HTML and SVG.
 
-/// Text that is safe in HTML or XML content and in double-quoted attributes.
+/// Escapes a text for HTML or XML content and double-quoted attributes.
 pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

@@ -1,4 +1,4 @@
-//! Files that hold models, states of training and pictures.
+//! File formats of models, training states and images.
 
 pub mod atomic;
 pub mod checkpoint;

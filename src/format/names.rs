@@ -1,5 +1,5 @@
-//! Names of the files that are written for photographs: bounded, and unique also where the file system does not tell
-//! upper from lower case or one Unicode form from another. A name that is fine as it is stays as it is.
+//! Names of files made from photographs: of bounded length, and unique also on file systems that ignore case or Unicode
+//! form. A name that needs no change stays unchanged.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -8,19 +8,19 @@ use std::path::{Component, Path, PathBuf};
 use sha2::{Digest, Sha256};
 use unicode_normalization::UnicodeNormalization as _;
 
-/// Bytes that a file system takes for one name.
+/// Most bytes of a file name.
 const LONGEST: usize = 255;
-/// Bytes of a relative path from which on it is written without its folders: the system takes 4096 for a whole path.
+/// Longer relative paths are flattened: a whole path may have 4096 bytes.
 const LONGEST_PATH: usize = 1024;
 
-/// A name for each photograph, without its extension and with `_` for folders. A number is added where two names would
-/// be equal. Each name leaves room for an ending of `ending` bytes within the length of a file name.
+/// A name per photograph, without extension and with `_` for `/`. Equal names get numbers. Each name leaves room for a
+/// suffix of `ending` bytes.
 pub fn flat(photographs: &[&str], ending: usize) -> Vec<String> {
     let plain = photographs.iter().map(|name| flattened(name));
     unique(plain.collect(), |name, number| format!("{}{number}", bounded(name, LONGEST - ending - number.len())))
 }
 
-/// The same with the folders that photographs lie in. None leads out of the folder that it is joined to.
+/// [`flat`], but with the photographs' folders. No path leads out of the folder that it is joined to.
 pub fn nested(photographs: &[&str], ending: usize) -> Vec<PathBuf> {
     let plain = photographs.iter().map(|name| inside(name)).collect();
     let fitted = |name: &str, number: &str| {
@@ -36,14 +36,14 @@ pub fn nested(photographs: &[&str], ending: usize) -> Vec<PathBuf> {
     unique(plain, fitted).into_iter().map(PathBuf::from).collect()
 }
 
-/// A name of at most `most` bytes: the name itself, or its beginning followed by a hash of the whole name.
+/// A name of at most `most` bytes: the name itself, or its beginning and a hash of the whole name.
 pub fn bounded(name: &str, most: usize) -> String {
     if name.len() <= most {
         return name.to_owned();
     }
     let mut sum = String::from("~");
     for byte in Sha256::digest(name.as_bytes()).iter().take(8) {
-        // Writing to a text does not fail.
+        // Writing to a String cannot fail.
         let _ = write!(sum, "{byte:02x}");
     }
     let mut end = most.saturating_sub(sum.len());
@@ -57,7 +57,7 @@ fn flattened(name: &str) -> String {
     Path::new(name).with_extension("").to_string_lossy().replace(['/', '\\', '\0'], "_")
 }
 
-/// The parts of a name, by `/`, without what would lead elsewhere.
+/// The parts of a name between `/`, without parts that lead elsewhere.
 fn inside(name: &str) -> String {
     let name = name.replace('\0', "_");
     let path = Path::new(&name).with_extension("");
@@ -70,19 +70,19 @@ fn inside(name: &str) -> String {
     if parts.is_empty() { "_".to_owned() } else { parts.join("/") }
 }
 
-/// The form of a name by which the most lenient file systems compare names.
+/// The form in which the most lenient file systems compare names.
 fn folded(name: &str) -> String {
     name.nfc().collect::<String>().to_lowercase().nfc().collect()
 }
 
-/// Makes names fit, and adds numbers to those that would be one file otherwise.
+/// Fits names into their length, and numbers those that would share a file.
 fn unique(plain: Vec<String>, fitted: impl Fn(&str, &str) -> String) -> Vec<String> {
     let mut count: HashMap<String, usize> = HashMap::new();
     for name in &plain {
         *count.entry(folded(&fitted(name, ""))).or_default() += 1;
     }
     let alone = |name: &str| count.get(&folded(&fitted(name, ""))).is_none_or(|n| *n < 2);
-    // Names without a number go first: they are what they are.
+    // Names without a number come first because they cannot change.
     let mut taken: HashMap<String, ()> =
         plain.iter().filter(|name| alone(name)).map(|name| (folded(&fitted(name, "")), ())).collect();
     let mut one = |(i, name): (usize, &String)| {
@@ -113,10 +113,10 @@ mod tests {
         assert_eq!(flat(&["a.jpg", "left/b.v2.png"], ENDING), ["a", "left_b.v2"]);
         let names = ["a.jpg", "A.png", "x/y.jpg", "x_y.jpg", "z"];
         assert_eq!(flat(&names, ENDING), ["a-0", "A-1", "x_y-2", "x_y-3", "z"]);
-        // A number makes no other name out of one.
+        // A number must not make a name equal to another one.
         assert_eq!(flat(&["a-1.png", "a.jpg", "a.png"], ENDING), ["a-1", "a-1-1", "a-2"]);
         assert_eq!(flat(&["a.jpg", "a.png", "A-0.png", "a-1.jpg", "a-1-1.jpg"], ENDING)[..2], ["a-0-0", "a-1-1-1"]);
-        // One letter in two forms, which some file systems take for one name.
+        // One letter in two Unicode forms, which some file systems treat as equal.
         assert_eq!(flat(&["\u{e9}.jpg", "e\u{301}.png"], ENDING), ["\u{e9}-0", "e\u{301}-1"]);
         let paths = |names: &[&str]| nested(names, 4).iter().map(|p| p.display().to_string()).collect::<Vec<_>>();
         assert_eq!(paths(&["l/a.jpg", "r/a.jpg", "b.png"]), ["l/a", "r/a", "b"]);
@@ -151,7 +151,7 @@ mod tests {
             assert!(!file.exists(), "{}", file.display());
             std::fs::write(&file, "").unwrap();
         }
-        // What fits is not touched.
+        // A fitting name is unchanged.
         let fits = "n".repeat(255 - ENDING);
         assert_eq!(flat(&[&fits], ENDING), [fits.as_str()]);
     }

@@ -1,9 +1,9 @@
-//! Models as PLY files in the layout of INRIA's 3DGS, which viewers and editors read.
+//! Models as PLY files in the layout of INRIA's 3DGS, which viewers and editors can read.
 //!
-//! Per vertex `x y z nx ny nz f_dc_0..2 f_rest_0..44 opacity scale_0..2 rot_0..3`, f32, binary little endian; `f_rest`
-//! has all coefficients of red, then of green, then of blue; opacities are logits, scales natural logarithms, rotations
-//! (w, x, y, z), of unit length in trained models. Normals are zero. What the layout has no place for stands in
-//! comments:
+//! Vertex properties: `x y z nx ny nz f_dc_0..2 f_rest_0..44 opacity scale_0..2 rot_0..3`, f32, binary little endian.
+//! `f_rest` has all coefficients of red, then green, then blue. Opacities are logits, scales natural logarithms,
+//! rotations quaternions (w, x, y, z) of unit length in trained models. Normals are zero. Data without a place in the
+//! layout is in comments:
 //!
 //! ```text
 //! comment psrgs-vk version 0.1.0
@@ -12,10 +12,10 @@
 //! comment psrgs-vk constrained 12345
 //! ```
 //!
-//! `SplatRenderMode` is `mip` where opacities carry the anti-aliasing factor; viewers and converters of others read
-//! this line. In its place `antialiased 0` or `1` is read too, and `psrgs-vk antialias 0` or `1`; the last such line
+//! `SplatRenderMode` is `mip` where opacities carry the anti-aliasing factor; other viewers and converters read this
+//! line too. The reader also accepts `antialiased 0` or `1` and `psrgs-vk antialias 0` or `1`; the last such line
 //! counts. `constrained` is the number of splats from the beginning of the file that existed at the end of the
-//! low-frequency stage. Positions plus `offset` are coordinates of the dataset; without such a line the offset is zero.
+//! low-frequency stage. Positions plus `offset` are dataset coordinates; without this line the offset is zero.
 
 mod cloud;
 mod colours;
@@ -36,36 +36,35 @@ pub use mesh::Mesh;
 pub use read::{read, read_with};
 pub use write::write;
 
-/// Coefficients of spherical harmonics per colour channel, without the constant one, by degree.
+/// Spherical harmonics coefficients per colour channel without the constant one, by degree.
 pub(super) const REST_BY_DEGREE: [usize; 4] = [0, 3, 8, 15];
 
-/// The content of a file.
+/// The content of a model file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
-    /// The splats at dataset coordinates minus [`Model::shift`]; ids are 0, 1, 2, ... in the order of the file.
+    /// The splats at dataset coordinates minus [`Model::shift`]. Ids are 0, 1, 2, ... in the order of the file.
     pub gaussians: Gaussians,
-    /// Degree of the spherical harmonics the file has; higher coefficients are zero.
+    /// Degree of the file's spherical harmonics; higher coefficients are zero.
     pub sh_degree: u32,
-    /// The vector from coordinates of the means to coordinates of the dataset.
+    /// Vector from the means' coordinates to dataset coordinates.
     pub shift: [f64; 3],
-    /// Whether the model was trained with the anti-aliasing factor on the opacity, where the file says it.
+    /// Whether the model was trained with the anti-aliasing factor on the opacity, if the file says so.
     pub antialias: Option<bool>,
-    /// How many of the splats, the first ones, were there at the end of the low-frequency stage,
-    /// where the file says it.
+    /// Number of splats at the beginning of the file that existed at the end of the low-frequency stage, if the file
+    /// says so.
     pub constrained: Option<usize>,
-    /// The version of this program that wrote the file, where one did.
+    /// Version of this program that wrote the file, if one did.
     pub version: Option<String>,
-    /// Splats of the file that are not finite, and are not among these.
+    /// The file's splats with values that are not finite, which are not in `gaussians`.
     pub left_out: Option<LeftOut>,
 }
 
-/// Writes splats given in scene coordinates in the dataset's units and axes, minus [`Frame::shift`],
-/// with quaternions of unit length.
+/// Writes splats in scene coordinates as dataset coordinates minus [`Frame::shift`], with unit quaternions.
 pub fn save(file: &Path, gaussians: &Gaussians, frame: &Frame, antialias: bool) -> Result<(), Error> {
     save_staged(file, gaussians, frame, antialias, None)
 }
 
-/// The same of a model whose first `constrained` splats were there at the end of the low-frequency stage.
+/// [`save`] for a model whose first `constrained` splats existed at the end of the low-frequency stage.
 pub fn save_staged(
     file: &Path,
     gaussians: &Gaussians,
@@ -89,15 +88,15 @@ pub fn save_staged(
 }
 
 impl Model {
-    /// The splats in the coordinates of a scene.
+    /// The splats in scene coordinates.
     pub fn in_scene(&self, frame: &Frame) -> Gaussians {
         frame.gaussians_to_scene(&self.gaussians, self.shift)
     }
 
-    /// The splats in the coordinates of a scene, where the file's (with [`Model::shift`] added) are not the dataset's:
-    /// `from_model` takes them there.
+    /// The splats in scene coordinates, for a model in other coordinates than the dataset's. `from_model` maps the
+    /// model's coordinates (with [`Model::shift`] added) to the dataset's.
     pub fn placed_in_scene(&self, from_model: &Similarity, frame: &Frame) -> Gaussians {
-        // One map in f64, so that nothing is rounded in between.
+        // One map in f64 avoids rounding between the steps.
         from_model.after_shift(self.shift).then(&Similarity::to_scene(frame)).gaussians(&self.gaussians)
     }
 }

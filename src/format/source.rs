@@ -1,4 +1,4 @@
-//! Files read field by field, so that every complaint can say which field and where.
+//! Reads files field by field, so that every error names the field and its position.
 
 use std::fmt::Display;
 use std::fs::File;
@@ -9,8 +9,8 @@ use std::str::FromStr;
 use super::error::{At, Error};
 use super::text::{self, MARK};
 
-/// Opens a file and gives its length. What is not a regular file is refused before it is opened: a pipe would never
-/// answer, and has no length that sizes could be compared with.
+/// Opens a file and returns its length. Refuses anything but a regular file before opening it: a pipe would block, and
+/// has no length to check sizes against.
 pub(crate) fn open(file: &Path) -> Result<(File, u64), Error> {
     let known = std::fs::metadata(file).map_err(Error::io(file, "open"))?;
     if !known.is_file() {
@@ -35,7 +35,7 @@ impl Source {
         Ok(Self { file: file.to_owned(), reader: BufReader::with_capacity(1 << 16, opened), at: 0, len })
     }
 
-    /// Bytes from the beginning of the file.
+    /// Byte offset in the file.
     pub(crate) fn at(&self) -> u64 {
         self.at
     }
@@ -68,7 +68,7 @@ impl Source {
         Ok(out)
     }
 
-    /// `bytes` bytes, allocated only once the file is known to hold them.
+    /// Reads `bytes` bytes. Allocates memory only if the file has them.
     pub(crate) fn bytes(&mut self, bytes: u64, field: impl Display) -> Result<Vec<u8>, Error> {
         self.need(bytes, &field)?;
         let size = usize::try_from(bytes).map_err(|_| self.error(self.at, &field, "is too large for this machine"))?;
@@ -89,12 +89,12 @@ impl Source {
         self.array(field).map(u64::from_le_bytes)
     }
 
-    /// An f64, finite or not.
+    /// An f64, which may be infinite or NaN.
     pub(crate) fn f64(&mut self, field: impl Display) -> Result<f64, Error> {
         self.array(field).map(f64::from_le_bytes)
     }
 
-    /// A u64 count of records that take at least `record` bytes each.
+    /// A u64 count of records of at least `record` bytes each.
     pub(crate) fn count(&mut self, record: u64, field: impl Display) -> Result<usize, Error> {
         let at = self.at;
         let count = self.u64(&field)?;
@@ -112,7 +112,7 @@ impl Source {
         }
     }
 
-    /// Bytes up to a zero byte, without it.
+    /// Bytes up to a zero byte, which is dropped.
     pub(crate) fn word(&mut self, field: impl Display) -> Result<Vec<u8>, Error> {
         let at = self.at;
         let mut out = Vec::new();
@@ -132,7 +132,7 @@ impl Source {
         Ok(())
     }
 
-    /// Complains when something is left.
+    /// Fails if bytes are left.
     pub(crate) fn end(&self, field: impl Display) -> Result<(), Error> {
         match self.remaining() {
             0 => Ok(()),
@@ -143,7 +143,7 @@ impl Source {
     }
 }
 
-/// A text file, line by line.
+/// A text file, read line by line.
 pub(crate) struct Lines {
     file: PathBuf,
     reader: Box<dyn BufRead>,
@@ -164,7 +164,7 @@ impl Lines {
         Ok(Self { file: file.to_owned(), reader, number: 0, raw: Vec::new() })
     }
 
-    /// The text of a file in UTF-16.
+    /// The text of a file in UTF-16, as UTF-8.
     fn narrow(file: &Path, mut reader: BufReader<File>) -> Result<Cursor<String>, Error> {
         let mut bytes = Vec::new();
         reader.read_to_end(&mut bytes).map_err(Error::io(file, "read"))?;
@@ -174,7 +174,7 @@ impl Lines {
         Ok(Cursor::new(text))
     }
 
-    /// The next line without its end; `None` after the last.
+    /// The next line without its newline; `None` after the last.
     pub(crate) fn next(&mut self) -> Result<Option<Line<'_>>, Error> {
         if self.reader.fill_buf().map_err(Error::io(&self.file, "read"))?.is_empty() {
             return Ok(None);
@@ -189,12 +189,12 @@ impl Lines {
         Ok(Some(Line { file: &self.file, number: self.number, ended, text, rest: text }))
     }
 
-    /// Whether the line read last has its end.
+    /// Whether the last line ended with a newline.
     pub(crate) fn ended(&self) -> bool {
         self.raw.last() == Some(&b'\n')
     }
 
-    /// The line read last.
+    /// Position of the last line.
     pub(crate) fn at(&self) -> At {
         At::Line(self.number)
     }
@@ -204,11 +204,11 @@ impl Lines {
     }
 }
 
-/// One line and the fields not yet taken from it.
+/// A line and its remaining fields.
 pub(crate) struct Line<'a> {
     file: &'a Path,
     number: u64,
-    /// Whether it has its end: the last one of a file that was cut has none.
+    /// Whether the line ended with a newline. The last line of a truncated file has none.
     pub(crate) ended: bool,
     pub(crate) text: &'a str,
     rest: &'a str,
@@ -226,7 +226,7 @@ impl<'a> Line<'a> {
         if word.is_empty() { Err(self.error(field, "is missing")) } else { Ok(word) }
     }
 
-    /// A number, finite or not.
+    /// A number, which may be infinite or NaN.
     pub(crate) fn f64(&mut self, field: impl Display) -> Result<f64, Error> {
         let word = self.word(&field)?;
         word.parse().map_err(|_| self.error(field, format_args!("'{word}' is not a number")))
@@ -238,7 +238,7 @@ impl<'a> Line<'a> {
         if value.is_finite() { Ok(value) } else { Err(self.error(field, format_args!("is {value}"))) }
     }
 
-    /// A whole number, however it is written.
+    /// A whole number, also in floating-point notation.
     pub(crate) fn whole<T: FromStr + TryFrom<u64>>(&mut self, field: impl Display) -> Result<T, Error> {
         let word = self.word(&field)?;
         whole(word).ok_or_else(|| self.error(field, format_args!("'{word}' is not a number of the kind it should be")))
@@ -248,39 +248,39 @@ impl<'a> Line<'a> {
         At::Line(self.number)
     }
 
-    /// The rest of the line after its first `words` words.
+    /// The line after its first `words` words.
     pub(crate) fn beyond(&self, words: usize) -> &'a str {
         let after = |rest: &'a str, _| rest.find(char::is_whitespace).map_or("", |end| rest[end..].trim_start());
         (0..words).fold(self.text.trim(), after)
     }
 
-    /// The rest of the line, without white space around it.
+    /// The remaining text without surrounding white space.
     pub(crate) fn rest(&self) -> &'a str {
         self.rest.trim()
     }
 
-    /// Whether all fields are taken. ([`Line::left`] looks at the whole rest of the line.)
+    /// Whether no field is left. ([`Line::left`] scans the rest of the line.)
     pub(crate) fn is_done(&self) -> bool {
         self.rest.trim_start().is_empty()
     }
 
-    /// Leaves out what stands behind a `#`, of a line that holds no text of its own.
+    /// Removes the text after a `#`. For lines whose fields cannot contain a `#`.
     pub(crate) fn without_comment(mut self) -> Self {
         let end = self.text.find('#').unwrap_or(self.text.len());
         (self.text, self.rest) = (&self.text[..end], &self.text[..end]);
         self
     }
 
-    /// Fields not yet taken.
+    /// Number of remaining fields.
     pub(crate) fn left(&self) -> usize {
         self.rest.split_whitespace().count()
     }
 }
 
-/// Whole numbers up to here are told from one another by an f64.
+/// An f64 represents every smaller whole number exactly.
 const WHOLE: f64 = 9_007_199_254_740_992.0;
 
-/// A whole number as programs write it: 640, and 640.0 or 6.4e2 where theirs are floating-point ones.
+/// A whole number in any notation: 640, or 640.0 and 6.4e2 of programs that write floating-point numbers.
 pub(crate) fn whole<T: FromStr + TryFrom<u64>>(word: &str) -> Option<T> {
     if let Ok(value) = word.parse() {
         return Some(value);

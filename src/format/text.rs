@@ -1,5 +1,4 @@
-//! Text as editors and shells of all systems leave it: a byte order mark may stand before it,
-//! and say that it is in units of 16 bits.
+//! Text files of all systems: a byte order mark may precede the text and may declare UTF-16.
 
 use std::io;
 use std::path::Path;
@@ -7,12 +6,12 @@ use std::path::Path;
 /// The byte order mark of UTF-8.
 pub(crate) const MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// The text of a file in UTF-8, or in UTF-16 where a byte order mark says so. The mark is left out.
+/// The text of a file in UTF-8, or in UTF-16 with a byte order mark. The mark is dropped.
 pub fn read_text(file: &Path) -> io::Result<String> {
     decode(std::fs::read(file)?).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "the file is not UTF-8 text"))
 }
 
-/// The text of these bytes, or how many of them are text.
+/// Decodes bytes as text. The error is the number of valid bytes.
 pub(crate) fn decode(mut bytes: Vec<u8>) -> Result<String, usize> {
     if let Some(from_bytes) = units(&bytes) {
         return utf16(&bytes[2..], from_bytes).map_err(|at| at + 2);
@@ -22,7 +21,7 @@ pub(crate) fn decode(mut bytes: Vec<u8>) -> Result<String, usize> {
     String::from_utf8(bytes).map_err(|error| error.utf8_error().valid_up_to() + mark)
 }
 
-/// How units of 16 bits are read, where the first bytes are such a mark.
+/// Reads a UTF-16 unit in the byte order of the mark; `None` without a UTF-16 mark.
 pub(crate) fn units(bytes: &[u8]) -> Option<fn([u8; 2]) -> u16> {
     match bytes {
         [0xff, 0xfe, ..] => Some(u16::from_le_bytes),

@@ -1,4 +1,4 @@
-//! Transforms between coordinate systems, as other trainers write them.
+//! Transforms between coordinate systems in the formats of other trainers.
 
 use std::path::Path;
 
@@ -7,16 +7,16 @@ use serde::Deserialize;
 use super::{At, Error, read_text};
 use crate::scene::Similarity;
 
-/// The contents that a file may have.
+/// The accepted contents.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Content {
-    /// A bare 4x4 or 3x4 matrix, row by row.
+    /// A 4x4 or 3x4 matrix, row by row.
     Matrix(Vec<Vec<f64>>),
-    /// As nerfstudio's `dataparser_transforms.json`.
+    /// nerfstudio's `dataparser_transforms.json`.
     Named {
         transform: Vec<Vec<f64>>,
-        /// Applied after the matrix, to the translation too.
+        /// Applied after the matrix, to its translation too.
         #[serde(default = "one")]
         scale: f64,
     },
@@ -26,14 +26,13 @@ fn one() -> f64 {
     1.0
 }
 
-/// Reads a similarity: JSON, either a matrix of 4x4 or 3x4 numbers row by row (such as gsplat's normalisation), or an
-/// object with `transform` (that matrix) and `scale` (applied after it), which is nerfstudio's
-/// `dataparser_transforms.json`.
+/// Reads a similarity from JSON: a 4x4 or 3x4 matrix row by row (such as gsplat's normalisation), or an object with
+/// `transform` (a matrix) and `scale` (applied after it), as in nerfstudio's `dataparser_transforms.json`.
 pub fn read_transform(file: &Path) -> Result<Similarity, Error> {
     let text = read_text(file).map_err(Error::io(file, "read"))?;
     let fail =
         |line: usize, problem: String| Error::malformed(file, "transform", At::Line(line.max(1) as u64), problem);
-    // First as any JSON, for errors that say where they are.
+    // Parsed as any JSON first, because those errors have a position.
     let value: serde_json::Value = serde_json::from_str(&text).map_err(|e| fail(e.line(), e.to_string()))?;
     let wanted = "a matrix of 3x4 or 4x4 numbers, or an object with such a 'transform' and a 'scale', is expected";
     let content: Content = serde_json::from_value(value).map_err(|_| fail(1, wanted.to_owned()))?;

@@ -1,5 +1,5 @@
-//! Everything that decides what a training run does, as one struct: command-line options, `settings.toml` and the library's
-//! configuration are the same fields with the same names and defaults.
+//! The settings of a training run in one struct. Command-line options, `settings.toml` and the library's configuration
+//! share its fields, names and defaults.
 
 mod canonical;
 mod check;
@@ -29,11 +29,11 @@ use group::group;
 
 /// Heading of the options that most trainings need.
 const MOST_USED: &str = "Most used";
-/// Heading of what is minimised, and how fast.
+/// Heading of the options for the loss and the learning rates.
 const LOSS: &str = "Loss and learning rates";
 
 group! {
-    /// What is run, and for how long.
+    /// The method, its steps and their schedule.
     pub struct Run("Run")
     options {
         /// Train by this method: psrgs is the best; 3dgs, absgs, gspro and rsgs are published ones to compare with
@@ -79,7 +79,7 @@ group! {
 }
 
 group! {
-    /// Which photographs are used, and at what size.
+    /// The photographs and their size.
     pub struct Photographs("Photographs")
     options {
         /// Reduce photographs until their longer side has at most this many pixels; more show finer texture and need more memory and time
@@ -122,7 +122,7 @@ group! {
 }
 
 group! {
-    /// The model and how it is drawn.
+    /// The model and how it is rendered.
     pub struct Model("Model")
     options {
         /// Use spherical harmonics of degree 0 to D; a higher degree lets colours change more with the direction
@@ -203,7 +203,7 @@ group! {
 }
 
 group! {
-    /// What makes steps cheaper and changes results.
+    /// Settings that make steps cheaper and change results.
     pub struct Shortcuts("Machine")
     options {
         /// Store each moment of the optimiser in 32 or 16 bits; 16 saves 236 bytes per splat
@@ -224,7 +224,7 @@ group! {
     unset {}
 }
 
-/// The N of an alpha of 1/N.
+/// The N of an alpha cut-off of 1/N.
 const CUTOFF: Range = Range::new("a whole number from 2 to 65535", |v| (2.0..=65535.0).contains(&v));
 
 group! {
@@ -243,7 +243,7 @@ group! {
 }
 
 group! {
-    /// Where it runs.
+    /// The device that runs the training.
     pub struct DeviceChoice("Machine")
     options {}
     flags {}
@@ -261,7 +261,7 @@ group! {
 }
 
 group! {
-    /// What it may take of the machine.
+    /// Limits of host memory.
     pub struct HostChoice("Machine")
     options {}
     flags {}
@@ -276,7 +276,7 @@ group! {
 }
 
 group! {
-    /// Variants of the passes that draw: they change the speed, and not the picture.
+    /// Variants of the rendering passes: they change the speed, not the render.
     pub struct BlendingVariants("Variants of the GPU passes")
     options {}
     flags {}
@@ -290,7 +290,7 @@ group! {
 }
 
 group! {
-    /// Variants of the passes of a training step beyond those: they change the speed.
+    /// Variants of the other passes of a training step: they change the speed.
     pub struct SteppingVariants("Variants of the GPU passes")
     options {}
     flags {}
@@ -303,7 +303,7 @@ group! {
     unset {}
 }
 
-/// A training run.
+/// The settings of a training run.
 #[derive(Clone, Debug, Default, PartialEq, clap::Args, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Settings {
@@ -311,13 +311,13 @@ pub struct Settings {
     #[arg(value_name = "DATA")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub data: Option<PathBuf>,
-    /// What is run.
+    /// Method, steps and schedule.
     #[command(flatten)]
     pub run: Run,
-    /// Which photographs.
+    /// Photographs.
     #[command(flatten)]
     pub photographs: Photographs,
-    /// The model.
+    /// Model.
     #[command(flatten)]
     pub model: Model,
     /// Loss and learning rates.
@@ -326,7 +326,7 @@ pub struct Settings {
     /// Growth and pruning.
     #[command(flatten)]
     pub density: Density,
-    /// Stages.
+    /// Low and high frequencies.
     #[command(flatten)]
     pub frequencies: Frequencies,
     /// Depth and normals.
@@ -335,7 +335,7 @@ pub struct Settings {
     /// Texture.
     #[command(flatten)]
     pub texture: Texture,
-    /// What may be left out.
+    /// Shortcuts.
     #[command(flatten)]
     pub shortcuts: Shortcuts,
     /// Scores.
@@ -344,19 +344,19 @@ pub struct Settings {
     /// The device.
     #[command(flatten)]
     pub device: DeviceChoice,
-    /// The machine beside it.
+    /// Host memory.
     #[command(flatten)]
     pub host: HostChoice,
-    /// How it draws.
+    /// Variants of the rendering passes.
     #[arg(skip)]
     pub blending: BlendingVariants,
-    /// How it steps.
+    /// Variants of the other passes.
     #[arg(skip)]
     pub stepping: SteppingVariants,
 }
 
 impl Settings {
-    /// What the method is called in tables: without a laser scan `rsgs` says so.
+    /// The method's name in tables. Without a laser scan, that of `rsgs` says so.
     pub fn method_name(&self) -> String {
         match (self.run.method, &self.density.lidar) {
             (Method::Rsgs, Some(LidarCloud::Mvs)) => format!("{} (MVS cloud, no LiDAR)", self.run.method),

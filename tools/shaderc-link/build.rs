@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-/// In link order: each archive only needs symbols from those after it.
+/// In link order: each archive needs symbols only from those after it.
 const ARCHIVES: [&str; 9] = [
     "SPIRV",
     "glslang",
@@ -28,7 +28,7 @@ fn main() {
     let own = std::env::var("SHADERC_LIB_DIR").ok();
     let folders = own.iter().map(String::as_str).chain(FOLDERS);
     for folder in folders {
-        // A combined archive built by shaderc itself holds glslang already; only a split install has this file.
+        // A combined archive from shaderc's own build contains glslang. Only a split installation has this file.
         if !Path::new(folder).join("libMachineIndependent.a").exists() {
             continue;
         }

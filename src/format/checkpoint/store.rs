@@ -1,4 +1,4 @@
-//! The checkpoints of a folder: the last two are kept, the newest that can be read is taken.
+//! The checkpoints of a folder: the last two are kept, and the newest readable one is loaded.
 
 use std::fs::{self, File};
 use std::io::Read as _;
@@ -10,24 +10,24 @@ use crate::format::{Error, atomic};
 /// A checkpoint found in a folder.
 #[derive(Debug)]
 pub struct Latest {
-    /// Its step, from its name.
+    /// Step, from the file's name.
     pub step: u64,
     /// Its file.
     pub file: PathBuf,
     /// Its content.
     pub checkpoint: Checkpoint,
-    /// Newer ones that cannot be read, and why: the user should be told.
+    /// Errors of newer checkpoints that cannot be read, for a warning.
     pub damaged: Vec<Error>,
 }
 
-/// The name of the checkpoint after a step.
+/// File name of the checkpoint of a step.
 pub fn file_name(step: u64) -> String {
     format!("checkpoint-{step:06}.ckpt")
 }
 
-/// Writes a checkpoint and then removes the others but the newest of the steps before it. A checkpoint of a later step
-/// goes too: it belongs to a run that this one has replaced, and would otherwise be taken for the newest. A file that
-/// only has the name of a checkpoint stays. Gives the file.
+/// Writes a checkpoint, and then removes all others except the newest of an earlier step. Checkpoints of later steps
+/// belong to a replaced run and would be taken for the newest, so they are removed too. A file that only has the name
+/// of a checkpoint stays. Returns the new file.
 pub fn save(folder: &Path, step: u64, checkpoint: &Checkpoint) -> Result<PathBuf, Error> {
     let file = folder.join(file_name(step));
     atomic::remove_unfinished(folder);
@@ -41,7 +41,7 @@ pub fn save(folder: &Path, step: u64, checkpoint: &Checkpoint) -> Result<PathBuf
     Ok(file)
 }
 
-/// The newest checkpoint of a folder that can be read; `None` when there are none at all.
+/// The newest readable checkpoint of a folder; `None` without any checkpoint.
 pub fn latest(folder: &Path) -> Result<Option<Latest>, Error> {
     let mut damaged = Vec::new();
     for (step, file) in list(folder)? {
@@ -57,24 +57,24 @@ pub fn latest(folder: &Path) -> Result<Option<Latest>, Error> {
     Err(Error::NoValidCheckpoint { folder: folder.to_owned(), problems })
 }
 
-/// Step and file of the newest checkpoint of a folder by its name; its content is not looked at.
+/// Step and file of the newest checkpoint by name, without reading it.
 pub fn newest(folder: &Path) -> Option<(u64, PathBuf)> {
     list(folder).ok()?.into_iter().next()
 }
 
-/// The files of a folder that are checkpoints by name and by content, and those that are by name alone.
+/// The files of a folder that are checkpoints by name and content, and those that are so by name only.
 pub fn told_apart(folder: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>), Error> {
     Ok(list(folder)?.into_iter().map(|(_, file)| file).partition(|file| is_checkpoint(file)))
 }
 
-/// Whether a file begins as a checkpoint does. A link is none: what it leads to may be another run's.
+/// Whether a file begins like a checkpoint. Links do not count: the target may belong to another run.
 fn is_checkpoint(file: &Path) -> bool {
     let mut magic = [0; MAGIC.len()];
     let regular = file.symlink_metadata().is_ok_and(|found| found.is_file());
     regular && File::open(file).and_then(|mut opened| opened.read_exact(&mut magic)).is_ok() && magic == MAGIC
 }
 
-/// The checkpoints by descending step.
+/// The checkpoints in descending order of the step.
 fn list(folder: &Path) -> Result<Vec<(u64, PathBuf)>, Error> {
     let mut out = Vec::new();
     for entry in fs::read_dir(folder).map_err(Error::io(folder, "list"))? {

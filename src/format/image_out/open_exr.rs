@@ -1,4 +1,4 @@
-//! OpenEXR, lossless f32: depth in the channel `Z`, as compositing programs expect it, normals in `N.X`, `N.Y`, `N.Z`.
+//! OpenEXR, lossless f32: depth in the channel `Z` as compositing programs expect, normals in `N.X`, `N.Y`, `N.Z`.
 
 use std::io::{Cursor, Read};
 use std::path::Path;
@@ -18,14 +18,14 @@ use crate::host_memory::{DecodeLimit, NoMemory};
 /// The first bytes of an OpenEXR file.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// Depths row by row from the top.
+/// Depths in rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DepthMap {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Depth along the camera's z axis, in whatever units the writer had.
+    /// Depth along the camera's z axis, in the writer's units.
     pub values: Vec<f32>,
 }
 
@@ -35,7 +35,7 @@ pub fn write_depth(file: &Path, width: u32, height: u32, depths: &[f32]) -> Resu
     write(file, width, height, vec![("Z", depths.to_vec())])
 }
 
-/// Writes one value per pixel as the channel `Y`, which programs show as grey. [`read_depth`] reads it back.
+/// Writes one value per pixel as channel `Y`, which programs show as grey. [`read_depth`] can read the file.
 pub fn write_luminance(file: &Path, width: u32, height: u32, values: &[f32]) -> Result<(), Error> {
     check_size(file, width, height, values.len(), true)?;
     write(file, width, height, vec![("Y", values.to_vec())])
@@ -63,41 +63,41 @@ fn write(file: &Path, width: u32, height: u32, channels: Vec<(&str, Vec<f32>)>) 
     atomic::write(file, |out| out.write_all(bytes.get_ref()))
 }
 
-/// Normals row by row from the top.
+/// Normals in rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NormalMap {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Unit normals in whatever frame the writer had.
+    /// Unit normals in the writer's frame.
     pub values: Vec<[f32; 3]>,
 }
 
-/// Reads the channel `Z` of a file, or its only channel, within half of the memory that is free.
+/// Reads the channel `Z`, or the only channel of a file, within half of the free memory.
 pub fn read_depth(file: &Path) -> Result<DepthMap, Error> {
     read_depth_within(file, DecodeLimit::new(None))
 }
 
-/// The same within a limit.
+/// [`read_depth`] within a memory limit.
 pub fn read_depth_within(file: &Path, limit: DecodeLimit) -> Result<DepthMap, Error> {
     let (width, height, mut channels) = read(file, &["Z"], limit)?;
     Ok(DepthMap { width, height, values: channels.remove(0) })
 }
 
-/// Reads the channels `N.X`, `N.Y` and `N.Z` of a file, within half of the memory that is free.
+/// Reads the channels `N.X`, `N.Y` and `N.Z` within half of the free memory.
 pub fn read_normals(file: &Path) -> Result<NormalMap, Error> {
     read_normals_within(file, DecodeLimit::new(None))
 }
 
-/// The same within a limit.
+/// [`read_normals`] within a memory limit.
 pub fn read_normals_within(file: &Path, limit: DecodeLimit) -> Result<NormalMap, Error> {
     let (width, height, channels) = read(file, &["N.X", "N.Y", "N.Z"], limit)?;
     let values = (0..channels[0].len()).map(|i| [0, 1, 2].map(|k| channels[k][i])).collect();
     Ok(NormalMap { width, height, values })
 }
 
-/// Width, height, and the values of the channels of these names, or of the only channel where one is asked for.
+/// Width, height, and the values of the named channels. A single name also matches a file's only channel.
 fn read(file: &Path, names: &[&str], limit: DecodeLimit) -> Result<(u32, u32, Vec<Vec<f32>>), Error> {
     let (mut opened, length) = source::open(file)?;
     let mut bytes = Vec::new();
@@ -148,7 +148,7 @@ fn read(file: &Path, names: &[&str], limit: DecodeLimit) -> Result<(u32, u32, Ve
     Ok((width, height, planes))
 }
 
-/// Compression does not reach a thousandfold by much (deflate ends at 1032): more is a damaged size, not a picture.
+/// Compression gains little more than a factor of 1000 (deflate reaches 1032). A larger factor means a damaged size.
 fn check_memory(file: &Path, width: usize, height: usize, channels: usize, bytes: usize) -> Result<(), Error> {
     let wanted = width.checked_mul(height).and_then(|n| n.checked_mul(channels.max(1)));
     if wanted.is_some_and(|n| n / 1100 <= bytes) {
@@ -158,11 +158,10 @@ fn check_memory(file: &Path, width: usize, height: usize, channels: usize, bytes
     Err(Error::malformed(file, "size", At::Byte(0), problem))
 }
 
-/// Bytes of a sample while a file is decoded: as it is stored, unpacked, in its channel,
-/// and as the map that is made of it.
+/// Bytes per sample during decoding: as stored, unpacked, in its channel, and in the resulting map.
 const SAMPLE_BYTES: u64 = 16;
 
-/// Refuses what takes more memory than it may, and what the system has none for.
+/// Refuses a map whose decoding exceeds the limit or the free memory.
 fn check_limit(file: &Path, samples: u64, limit: DecodeLimit) -> Result<(), Error> {
     let needed = samples.saturating_mul(SAMPLE_BYTES);
     let problem = match limit.has_room_for(needed) {

@@ -1,20 +1,20 @@
-//! The items of a point, by the record of the compressor.
+//! The items of a compressed point, from the compressor's record.
 
 use std::path::Path;
 
 use super::super::Error;
 use super::super::source::Source;
 
-/// Who wrote the record, and its number.
+/// User name and number of the compressor's record.
 const USER: [u8; 16] = *b"laszip encoded\0\0";
 const NUMBER: u16 = 22204;
-/// Bytes of a record before the number of items.
+/// Bytes of the record before the number of items.
 const BEFORE_ITEMS: u64 = 32;
-/// Bytes of a point beyond what its format has: of each the decoder keeps some thousand bytes of statistics.
+/// Most bytes per point beyond its format. The decoder keeps some thousand bytes of statistics per byte.
 const MOST_EXTRA: u16 = 1024;
 
-/// Whether the items that points are compressed in make up a point of `record` bytes, of which the format has
-/// `of_format`: the decoder makes room by what the items say. Records begin after `header` bytes; there are `records`.
+/// Checks that the compressed items add up to a point of `record` bytes, of which the format defines `of_format`: the
+/// decoder allocates memory by the items. `records` records begin after `header` bytes.
 pub(super) fn check(file: &Path, header: u64, records: u32, record: u16, of_format: u16) -> Result<(), Error> {
     let mut source = Source::open(file)?;
     if record - of_format > MOST_EXTRA {

@@ -1,4 +1,4 @@
-//! Point clouds, and telling them from models.
+//! Point clouds, and how they differ from models.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use super::columns::for_each;
 use super::read::{open, read_comments, read_with};
 use crate::format::{At, Error, LeftOut, Tally, atomic};
 
-/// Properties that are known to hold something other than colours.
+/// Properties known to hold no colours.
 const NO_COLOURS: [&str; 7] = ["x", "y", "z", "nx", "ny", "nz", "curvature"];
 
 /// Points with normals and colours.
@@ -16,11 +16,11 @@ const NO_COLOURS: [&str; 7] = ["x", "y", "z", "nx", "ny", "nz", "curvature"];
 pub struct Cloud {
     /// Positions.
     pub positions: Vec<[f64; 3]>,
-    /// Normals, as many as positions, or none.
+    /// Normals, one per position, or empty.
     pub normals: Vec<[f32; 3]>,
-    /// 8-bit colours, as many as positions, or none.
+    /// 8-bit colours, one per position, or empty.
     pub colours: Vec<[u8; 3]>,
-    /// Where there are no colours, the properties of the file in which they were not recognised.
+    /// Without colours: the file's properties in which no colours were recognised.
     pub unknown: Vec<String>,
 }
 
@@ -33,14 +33,14 @@ pub enum Content {
     Cloud(Cloud),
 }
 
-/// Reads splats or plain points: a file whose vertices have any property of splats is taken for a model, but for one
-/// that has only their colours. A few vertices that are not finite are left out; [`read_content_with`] says which.
+/// Reads splats or plain points. A file is a model if its vertices have any property of splats, except if they only
+/// have splat colours. A few vertices that are not finite are left out; [`read_content_with`] says which.
 pub fn read_content(file: &Path) -> Result<Content, Error> {
     read_content_with(file, false).map(|(content, _)| content)
 }
 
-/// Reads splats or plain points, with what was left out. Vertices that are not finite are an error where it is
-/// `strict`, and where they are more than one of ten.
+/// Reads splats or plain points, and the vertices left out. Vertices that are not finite are an error where `strict` is
+/// set or where they are more than one in ten.
 pub fn read_content_with(file: &Path, strict: bool) -> Result<(Content, Option<LeftOut>), Error> {
     let (header, vertices, _) = open(file)?;
     let splats = |name: &str| {
@@ -56,17 +56,17 @@ pub fn read_content_with(file: &Path, strict: bool) -> Result<(Content, Option<L
 }
 
 impl Cloud {
-    /// Reads positions (`x y z`, any number type), normals (`nx ny nz`) where all have them, and colours under their
-    /// usual names (`red green blue`, `r g b`, `diffuse_red`, `f_dc_0`, packed `rgb` and more) in their usual ranges (0
-    /// to 255, 65535 or 1, by the declared type and the values). An offset in a comment is added.
+    /// Reads positions (`x y z`, any number type), normals (`nx ny nz`) if complete, and colours under their usual
+    /// names (`red green blue`, `r g b`, `diffuse_red`, `f_dc_0`, packed `rgb` and more) and ranges (0 to 255, 65535 or
+    /// 1, from the declared type and the values). Adds an offset from a comment.
     ///
     /// A few points that are not finite are left out; [`Cloud::read_with`] says which.
     pub fn read(file: &Path) -> Result<Self, Error> {
         Self::read_with(file, false).map(|(cloud, _)| cloud)
     }
 
-    /// Reads a cloud, with what was left out. Points that are not finite are an error where it is `strict`, and where
-    /// they are more than one of ten.
+    /// Reads a cloud, and the points left out. Points that are not finite are an error where `strict` is set or where
+    /// they are more than one in ten.
     pub fn read_with(file: &Path, strict: bool) -> Result<(Self, Option<LeftOut>), Error> {
         let (header, vertices, _) = open(file)?;
         let vertex = &header.elements[vertices];

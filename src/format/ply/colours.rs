@@ -1,33 +1,33 @@
-//! Colours of the points of a cloud: which properties hold them, and in which form.
+//! Finds the colours of a cloud's points: their properties and their range.
 
 use super::header::{Element, Kind};
 use crate::scene::init::SH_C0;
 
-/// Prefixes and suffixes of the name of a channel, the preferred ones first.
+/// Prefixes and suffixes of a channel's name, the preferred ones first.
 const BEFORE: [&str; 9] = ["", "diffuse_", "vertex_", "color_", "colour_", "col_", "rgb_", "scalar_", "ambient_"];
 const AFTER: [&str; 6] = ["", "_float", "_f", "_u8", "_color", "_colour"];
-/// The channels themselves.
+/// Names of the channels.
 const CHANNELS: [[&str; 3]; 2] = [["red", "green", "blue"], ["r", "g", "b"]];
-/// The constant coefficients of a model of splats.
+/// Constant coefficients of splats.
 const HARMONICS: [&str; 3] = ["f_dc_0", "f_dc_1", "f_dc_2"];
-/// All three channels in the bits of one number, as PCL writes them.
+/// Names of colours packed into the bits of one number, as PCL writes them.
 const PACKED: [&str; 4] = ["rgb", "rgba", "color", "colour"];
-/// Largest values of the usual ranges, with the share of the values that may lie outside:
-/// more of them speak for the next range.
+/// Largest values of the usual ranges, with the share of values that may exceed them. A larger share indicates the next
+/// range.
 const UNIT: (f64, f64) = (1.0, 0.01);
 const BYTES: (f64, f64) = (255.0, 0.25);
 const WORDS: (f64, f64) = (65535.0, 0.01);
-/// Values may be larger than the largest of a range by this share of it: they are rounded, or were resampled.
+/// Rounded or resampled values may exceed the largest of a range by this share of it.
 const SLACK: f64 = 1e-3;
 
-/// Where the colours of a file's vertices are.
+/// The properties that hold a vertex's colour.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Place {
-    /// Three properties of one form, by their positions.
+    /// Positions of three properties, one per channel.
     Channels([usize; 3]),
-    /// Three coefficients of spherical harmonics.
+    /// Positions of three spherical harmonics coefficients.
     Harmonics([usize; 3]),
-    /// One property.
+    /// Position of a single packed property.
     Packed(usize),
 }
 
@@ -55,7 +55,7 @@ impl Place {
         PACKED.iter().find_map(packed).map(Self::Packed)
     }
 
-    /// Positions of the properties.
+    /// Positions of the properties in the element.
     pub(super) fn properties(&self) -> Vec<usize> {
         match self {
             Self::Channels(places) | Self::Harmonics(places) => places.to_vec(),
@@ -63,8 +63,8 @@ impl Place {
         }
     }
 
-    /// The colours of all vertices, given the values of [`Self::properties`] in their order, vertex by vertex; `None`
-    /// where the values are in no known range.
+    /// The colours of all vertices from the values of [`Self::properties`], vertex by vertex; `None` where the values
+    /// are in no known range.
     pub(super) fn colours(&self, element: &Element, values: &[f64]) -> Option<Vec<[u8; 3]>> {
         match self {
             Self::Channels(places) => {
@@ -83,8 +83,7 @@ impl Place {
     }
 }
 
-/// Eight-bit colours of three numbers each, in whichever of the usual ranges these are, and the largest number of that
-/// range; `None` where that cannot be told.
+/// Eight-bit colours from three numbers each, and the largest number of their range; `None` where the range is unclear.
 pub(crate) fn of_numbers(values: &[f64]) -> Option<(Vec<[u8; 3]>, f64)> {
     let whole = values.iter().all(|v| v.fract() == 0.0);
     let kinds = [if whole { Kind::I32 } else { Kind::F64 }; 3];
@@ -97,26 +96,26 @@ fn holds_bits(element: &Element, place: usize) -> bool {
 
 fn in_range(values: &[f64], kinds: [Kind; 3]) -> Option<Vec<[u8; 3]>> {
     let signed = kinds.contains(&Kind::I8);
-    // Bytes above 127 in a signed type.
+    // Bytes above 127 stored in a signed type.
     let value = |v: &f64| if signed && *v < 0.0 { v + 256.0 } else { *v };
     let largest = largest(values, kinds)?;
     Some(triples(values.iter().map(|v| to_byte(value(v) * 255.0 / largest))))
 }
 
-/// The number that stands for all of a channel's light.
+/// The number that stands for full intensity.
 fn largest(values: &[f64], kinds: [Kind; 3]) -> Option<f64> {
     if kinds.iter().all(|kind| matches!(kind, Kind::U8 | Kind::I8)) && values.iter().all(|v| v.fract() == 0.0) {
         return Some(255.0);
     }
     let floats = kinds.iter().any(|kind| matches!(kind, Kind::F32 | Kind::F64));
-    // Text may hold other numbers than its header says.
+    // A text file may hold other numbers than its header declares.
     let floats = floats || values.iter().any(|v| v.fract() != 0.0);
     let outside = |most: f64| {
         let inside = |v: &&f64| v.is_finite() && (-SLACK * most..=(1.0 + SLACK) * most).contains(*v);
         values.len() - values.iter().filter(inside).count()
     };
     let ranges: &[(f64, f64)] = if floats { &[UNIT, BYTES, WORDS] } else { &[BYTES, WORDS] };
-    // Less than nothing is in none of them.
+    // Negative values are in no range.
     let negative = values.iter().filter(|v| **v < -SLACK * UNIT.0).count() as f64;
     let fits = |(most, beyond): &&(f64, f64)| outside(*most) as f64 <= beyond * values.len() as f64;
     ranges.iter().find(fits).filter(|_| negative <= UNIT.1 * values.len() as f64).map(|(most, _)| *most)
@@ -132,8 +131,8 @@ fn to_byte(value: f64) -> u8 {
     value.round().clamp(0.0, 255.0) as u8
 }
 
-/// Red, green and blue from the highest of 24 bits on. A float holds these in its own bits,
-/// unless its value is a number of 24 bits.
+/// Red, green and blue from the highest of 24 bits on. A float holds them in its bit pattern, unless its value is an
+/// integer of 24 bits.
 fn unpacked(value: f64, kind: Kind) -> [u8; 3] {
     let whole = value.fract() == 0.0 && (1.0..16_777_216.0).contains(&value);
     let bits = match kind {
@@ -159,11 +158,11 @@ mod tests {
         assert_eq!(of(U16, [0.0, 13107.0, 65535.0, 32768.0, 0.0, 6682.0]), want);
         assert_eq!(of(I32, [0.0, 51.0, 255.0, 128.0, 0.0, 26.0]), want);
         assert_eq!(of(I8, [0.0, 51.0, -1.0, -128.0, 0.0, 26.0]), want);
-        // The upper byte of a word is not the nearest, rounded or not.
+        // The upper byte of a word differs from the nearest byte.
         assert_eq!(of(U16, [33_023.0, 2770.0, 65535.0, 0.0, 0.0, 0.0]), Some(vec![[128, 11, 255], [0; 3]]));
-        // Text under a header that says bytes.
+        // A text file whose header declares bytes.
         assert_eq!(of(U8, [0.0, 0.2, 1.0, 0.5, 0.0, 0.1]), want);
-        // A byte of 1 is nearly black, whatever the others are.
+        // A byte of 1 is nearly black, whatever the other values are.
         assert_eq!(of(U8, [0.0, 1.0, 1.0, 0.0, 1.0, 0.0]), Some(vec![[0, 1, 1], [0, 1, 0]]));
         assert_eq!(of(F32, [-3.0, 0.2, 1.0, 0.5, 0.0, 0.1]), None);
         assert_eq!(of(F64, [1e6, 1e6, 1e6, 0.5, 0.0, 0.1]), None);

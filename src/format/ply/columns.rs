@@ -1,13 +1,12 @@
-//! Some properties of the vertices, as numbers: for files that are no models.
+//! Reads some vertex properties as numbers, for files that are no models.
 
 use std::path::Path;
 
 use super::read::open;
 use crate::format::{At, Error, Tally};
 
-/// Gives `each` vertex the properties of these names, the `needed` ones first, one after the other: an error when one
-/// of those is missing, NaN for one of the `others` that the file does not have.
-/// Vertices with a needed one that is not finite are counted as bad.
+/// Passes the named properties of each vertex to `each`, the `needed` ones first. A missing needed property is an
+/// error, and a missing one of `others` is NaN. Vertices with a needed value that is not finite count as bad.
 pub(super) fn for_each(
     file: &Path,
     needed: &[&str],

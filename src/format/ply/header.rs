@@ -1,4 +1,4 @@
-//! The text at the beginning of a PLY file.
+//! The header of a PLY file.
 
 use std::io::BufRead;
 use std::path::Path;
@@ -6,10 +6,10 @@ use std::path::Path;
 use crate::format::source::whole;
 use crate::format::{At, Error, MARK, foreign};
 
-/// Longer headers are not those of models.
+/// Most bytes of a header.
 const MAX_HEADER: u64 = 1 << 20;
 const MAX_LINE: u64 = 1 << 12;
-/// More properties than any element has, of those in use: each new one is compared with all before it.
+/// Most properties of an element: each new one is compared with all earlier ones.
 const MAX_PROPERTIES: usize = 1 << 10;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,7 +56,7 @@ impl Kind {
         }
     }
 
-    /// The number in `bytes`, of which there are [`Kind::bytes`], in little endian.
+    /// The number in the first [`Kind::bytes`] bytes, in little endian.
     pub(super) fn decode(self, bytes: [u8; 8]) -> f64 {
         let [a, b, c, d, ..] = bytes;
         match self {
@@ -76,7 +76,7 @@ impl Kind {
 pub(super) struct Property {
     pub(super) name: String,
     pub(super) kind: Kind,
-    /// The type of the count, where the property is a list of numbers.
+    /// Type of the count if the property is a list.
     pub(super) count: Option<Kind>,
 }
 
@@ -84,10 +84,10 @@ pub(super) struct Property {
 pub(super) struct Element {
     pub(super) name: String,
     pub(super) count: u64,
-    /// Where the count stands, for complaints about it.
+    /// Position of the count, for errors.
     pub(super) at: u64,
     pub(super) properties: Vec<Property>,
-    /// Whether one of its properties is a list, whose rows have no fixed size.
+    /// Whether a property is a list, so that rows have no fixed size.
     pub(super) has_list: bool,
 }
 
@@ -100,21 +100,21 @@ impl Element {
 #[derive(Clone, Debug)]
 pub(super) struct Header {
     pub(super) encoding: Encoding,
-    /// With the byte at which each line begins.
+    /// Comments with the byte offsets of their lines.
     pub(super) comments: Vec<(u64, String)>,
     pub(super) elements: Vec<Element>,
-    /// Bytes of the header, where the data begins.
+    /// Bytes of the header; the data follows.
     pub(super) bytes: u64,
-    /// Lines of the header.
+    /// Number of lines of the header.
     pub(super) lines: u64,
 }
 
-/// Reads a header, including its line `end_header`. `bytes` is the length of the file.
+/// Reads a header up to its line `end_header`. `bytes` is the file's length.
 pub(super) fn read(file: &Path, bytes: u64, reader: &mut impl BufRead) -> Result<Header, Error> {
     let mut header =
         Header { encoding: Encoding::Ascii, comments: Vec::new(), elements: Vec::new(), bytes: 0, lines: 0 };
     let mut format_seen = false;
-    // Editors put a byte order mark before a text.
+    // Editors may put a byte order mark before a text.
     if reader.fill_buf().map_err(Error::io(file, "read"))?.starts_with(MARK) {
         reader.consume(MARK.len());
         header.bytes = MARK.len() as u64;
@@ -187,7 +187,7 @@ pub(super) fn read(file: &Path, bytes: u64, reader: &mut impl BufRead) -> Result
     }
 }
 
-/// The problem of a file that does not begin as PLY.
+/// Why a file does not begin like a PLY file.
 fn no_ply(file: &Path, bytes: u64, begin: &[u8]) -> String {
     let begin = &begin[..begin.len().min(foreign::LOOKED_AT)];
     let known = foreign::described(file, bytes, begin);

@@ -5,21 +5,21 @@ use std::path::Path;
 use super::read::open;
 use crate::format::{At, Error, atomic};
 
-/// Corners of a wrong polygon that are shown.
+/// Most corners of a wrong polygon in a message.
 const SHOWN: usize = 8;
 
 /// A triangle mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Corners.
+    /// Positions of the corners.
     pub vertices: Vec<[f64; 3]>,
-    /// Corners of each triangle, counter-clockwise seen from outside.
+    /// Indices of each triangle's corners, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl Mesh {
-    /// Reads the elements `vertex` (x, y, z) and, after it, `face` (the list `vertex_indices` or `vertex_index`;
-    /// polygons become fans of triangles).
+    /// Reads the element `vertex` (x, y, z), and after it `face` (the list `vertex_indices` or `vertex_index`).
+    /// Polygons become triangle fans.
     pub fn read(file: &Path) -> Result<Self, Error> {
         let (header, vertices, mut rows) = open(file)?;
         let vertex = &header.elements[vertices];

@@ -1,4 +1,5 @@
-//! Reading models, also foreign ones: any order of properties, further ones, other number types, degrees 0 to 3.
+//! Reads models, also of other programs: any order of properties, further properties, other number types, degrees 0 to
+//! 3.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -10,17 +11,16 @@ use crate::format::{At, Error, Tally, source};
 use crate::numbers::counted;
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 
-/// Largest logit of an opacity read: files hold infinite ones where an opacity was exactly 0 or 1, which no gradient
-/// can move. 16 is beyond what f32 tells from 1.
+/// Largest logit of an opacity. Files hold infinite logits for opacities of exactly 0 or 1, which no gradient can move.
+/// The sigmoid of 16 is 1 in f32.
 const MAX_LOGIT: f32 = 16.0;
 
-/// Reads a model. A few splats that are not finite are left out: [`Model::left_out`].
+/// Reads a model. A few splats that are not finite are left out, see [`Model::left_out`].
 pub fn read(file: &Path) -> Result<Model, Error> {
     read_with(file, false)
 }
 
-/// Reads a model. Splats that are not finite are an error where it is `strict`,
-/// and where they are more than one of ten.
+/// Reads a model. Splats that are not finite are an error where `strict` is set or where they are more than one in ten.
 pub fn read_with(file: &Path, strict: bool) -> Result<Model, Error> {
     let (header, vertices, mut rows) = open(file)?;
     let vertex = &header.elements[vertices];
@@ -37,7 +37,7 @@ pub fn read_with(file: &Path, strict: bool) -> Result<Model, Error> {
     Ok(model)
 }
 
-/// The model without splats of these numbers, which are in ascending order.
+/// The model without the splats `bad`, which are in ascending order.
 fn without(model: Model, bad: &[u32]) -> Model {
     let rows: Vec<u32> = (0..model.gaussians.len() as u32).filter(|row| bad.binary_search(row).is_err()).collect();
     let mut gaussians = model.gaussians.rows(&rows);
@@ -46,7 +46,7 @@ fn without(model: Model, bad: &[u32]) -> Model {
     Model { gaussians, constrained: model.constrained.map(first), ..model }
 }
 
-/// Header, position of the vertices among its elements, and the data.
+/// The header, the index of the vertex element, and the data.
 pub(super) fn open(file: &Path) -> Result<(Header, usize, Rows<'_>), Error> {
     let (opened, len) = source::open(file)?;
     let mut reader = BufReader::with_capacity(1 << 18, opened);
@@ -58,11 +58,11 @@ pub(super) fn open(file: &Path) -> Result<(Header, usize, Rows<'_>), Error> {
     Ok((header, vertices, rows))
 }
 
-/// Where a property of the file goes.
+/// Destination of a property.
 #[derive(Clone, Copy)]
 enum Column {
     Mean(usize),
-    /// Coefficient and channel.
+    /// Coefficient and channel of spherical harmonics.
     Sh(usize, usize),
     Opacity,
     Scale(usize),
@@ -71,7 +71,7 @@ enum Column {
 }
 
 struct Columns {
-    /// In the order of the file.
+    /// Destinations in the order of the file.
     columns: Vec<Column>,
     degree: u32,
 }
@@ -169,25 +169,25 @@ fn not_finite(rows: &Rows<'_>, vertex: &Element, i: usize, p: usize, value: f32)
     )
 }
 
-/// The data after the header, row by row.
+/// The data after the header, read row by row.
 pub(super) struct Rows<'a> {
     file: &'a Path,
     reader: BufReader<File>,
     encoding: Encoding,
     at: u64,
     line: u64,
-    /// Whether the row tried last is a line of text, behind which the next one begins whatever is in it.
+    /// Whether the last row was a complete line of text, so that the next row begins after it whatever it held.
     line_read: bool,
     len: u64,
 }
 
 impl<'a> Rows<'a> {
-    /// Begins behind a header.
+    /// Starts after a header.
     fn new(file: &'a Path, reader: BufReader<File>, header: &Header, len: u64) -> Self {
         Self { file, reader, encoding: header.encoding, at: header.bytes, line: header.lines, line_read: false, len }
     }
 
-    /// Leaves out the elements before number `element`, which is to be read next and has to fit the file.
+    /// Skips the elements before number `element`, and checks that the file can hold that element.
     pub(super) fn go_to(&mut self, header: &Header, element: usize) -> Result<(), Error> {
         for before in &header.elements[..element] {
             self.check_fits(before)?;
@@ -198,7 +198,7 @@ impl<'a> Rows<'a> {
         self.check_fits(&header.elements[element])
     }
 
-    /// Leaves out an element that may have lists.
+    /// Skips an element that may have lists.
     pub(super) fn pass_over_lists(&mut self, element: &Element) -> Result<(), Error> {
         if self.takes_nothing(element) {
             return Ok(());
@@ -206,22 +206,22 @@ impl<'a> Rows<'a> {
         (0..element.count).try_for_each(|i| self.list_row(element, i, usize::MAX, &mut Vec::new()))
     }
 
-    /// Whether rows of an element are no bytes of the file, so that it may have any number of them.
+    /// Whether an element's rows take no bytes, so that any number of them would fit.
     fn takes_nothing(&self, element: &Element) -> bool {
         element.properties.is_empty() && self.encoding != Encoding::Ascii
     }
 
-    /// Whether the next row can be read where the last one could not.
+    /// Whether the next row can be read after a bad one.
     pub(super) fn can_go_on(&self) -> bool {
         self.encoding == Encoding::Ascii && self.line_read
     }
 
-    /// The end of the row read last.
+    /// Position after the last row.
     pub(super) fn place(&self) -> At {
         if self.encoding == Encoding::Ascii { At::Line(self.line) } else { At::Byte(self.at) }
     }
 
-    /// Whether the file can hold all rows of an element, before memory is asked for them.
+    /// Checks that the file can hold all rows of an element, before memory is allocated.
     fn check_fits(&self, element: &Element) -> Result<(), Error> {
         let field = || format!("element {}", element.name);
         if element.has_list && (self.encoding != Encoding::Ascii || element.name == "vertex") {
@@ -229,7 +229,7 @@ impl<'a> Rows<'a> {
             return Err(Error::malformed(self.file, field(), At::Byte(element.at), problem));
         }
         let row = match self.encoding {
-            // One digit and what separates it from the next.
+            // At least one digit and a separator per value.
             Encoding::Ascii => 2 * element.properties.len().max(1) as u64 - 1,
             _ => element.row_bytes() as u64,
         };
@@ -241,7 +241,7 @@ impl<'a> Rows<'a> {
         Err(Error::malformed(self.file, field(), At::Byte(element.at), problem))
     }
 
-    /// Reads row `i` of an element and gives its values with their positions among the properties.
+    /// Reads row `i` of an element. Passes its values with the positions of their properties.
     pub(super) fn row(&mut self, element: &Element, i: u64, mut value: impl FnMut(usize, f64)) -> Result<(), Error> {
         match self.encoding {
             Encoding::Ascii => self.text_row(element, i, value),
@@ -263,7 +263,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Reads row `i` of an element that has lists, and keeps the numbers of property `wanted`.
+    /// Reads row `i` of an element with lists, and keeps the numbers of property `wanted`.
     pub(super) fn list_row(
         &mut self,
         element: &Element,
@@ -330,7 +330,7 @@ impl<'a> Rows<'a> {
     fn text_row(&mut self, element: &Element, i: u64, mut value: impl FnMut(usize, f64)) -> Result<(), Error> {
         let (mut raw, mut read) = (Vec::new(), 1);
         self.line_read = false;
-        // Empty lines between rows are none; a row of nothing is an empty line.
+        // Empty lines between rows are skipped, but a row without properties is an empty line.
         while read > 0 && raw.trim_ascii().is_empty() {
             raw.clear();
             read = self.reader.read_until(b'\n', &mut raw).map_err(Error::io(self.file, "read"))?;
@@ -345,7 +345,7 @@ impl<'a> Rows<'a> {
         if read == 0 {
             return Err(fail(format!("{} {i}", element.name), "the file ends here"));
         }
-        // A last line without its end may have been cut.
+        // A last line without a newline may be truncated.
         self.line_read = raw.ends_with(b"\n");
         let text = std::str::from_utf8(&raw).map_err(|_| fail(format!("{} {i}", element.name), "is not text"))?;
         if element.has_list {
@@ -361,8 +361,8 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Whether a model is to be drawn with the anti-aliasing factor, where a comment of another program says it: Brush's
-/// `SplatRenderMode: mip`, Postshot's `antialiased 1`.
+/// Whether a comment of another program says that the model has the anti-aliasing factor: Brush's `SplatRenderMode:
+/// mip`, Postshot's `antialiased 1`.
 fn render_mode(comment: &str) -> Option<bool> {
     let (key, value) = comment.split_once([':', ' '])?;
     match (key.trim(), value.trim_start_matches(':').trim()) {
@@ -372,8 +372,7 @@ fn render_mode(comment: &str) -> Option<bool> {
     }
 }
 
-/// Takes what this program writes into comments, and how other programs say that a model is anti-aliased;
-/// their other comments are theirs.
+/// Reads this program's comments, and those of other programs about anti-aliasing. Other comments are ignored.
 pub(super) fn read_comments(file: &Path, header: &Header, model: &mut Model) -> Result<(), Error> {
     for (at, comment) in &header.comments {
         if let Some(antialias) = render_mode(comment) {

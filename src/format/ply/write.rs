@@ -1,4 +1,4 @@
-//! Writing models.
+//! Writes models.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -7,8 +7,7 @@ use super::{Model, REST_BY_DEGREE};
 use crate::format::{Error, atomic};
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 
-/// Writes the splats as they are in the model, always with spherical harmonics of degree 3,
-/// as INRIA's own files have them.
+/// Writes the model's splats unchanged, always with spherical harmonics of degree 3 like INRIA's own files.
 pub fn write(file: &Path, model: &Model) -> Result<(), Error> {
     let gaussians = &model.gaussians;
     if let Some(problem) = inconsistent(gaussians) {
@@ -20,7 +19,7 @@ pub fn write(file: &Path, model: &Model) -> Result<(), Error> {
     })
 }
 
-/// Planes that do not belong together would be read out of bounds.
+/// Why planes differ in their number of splats; `None` where they agree.
 fn inconsistent(g: &Gaussians) -> Option<String> {
     let n = g.len();
     let planes = [("means", &g.means, 3), ("quats", &g.quats, 4), ("scales", &g.scales, 3)];
@@ -32,7 +31,7 @@ fn inconsistent(g: &Gaussians) -> Option<String> {
         .map(|(name, plane, floats)| format!("'{name}' has {} floats for {n} splats of {floats}", plane.len()))
 }
 
-/// Names of the properties in the order of the layout.
+/// Property names in the order of the layout.
 pub(super) fn properties() -> Vec<String> {
     let numbered = |name: &'static str, n: usize| (0..n).map(move |i| format!("{name}_{i}"));
     ["x", "y", "z", "nx", "ny", "nz"]
@@ -59,7 +58,7 @@ fn header(model: &Model) -> String {
         comment("constrained", constrained.to_string());
     }
     if model.shift != [0.0; 3] {
-        // The shortest decimals that read back as the same f64.
+        // The shortest decimals from which the same f64 is read.
         comment("offset", model.shift.map(|v| v.to_string()).join(" "));
     }
     out.push_str(&format!("element vertex {}\n", model.gaussians.len()));

@@ -1,10 +1,11 @@
-//! Settings that a method does not look at.
+//! Ignores settings that have no effect.
 
 use super::{DepthPrior, Growth, LidarCloud, Settings};
 
 impl Settings {
-    /// The same settings, but what nothing looks at has its default: settings that are equal here train to the same model. A loss on depth has
-    /// no weight where no depth is known, sampling has no shares where growth is by a threshold, and so on.
+    /// These settings with defaults in place of values that have no effect: settings that are equal here train the same
+    /// model. For example, the weight of a loss on depth becomes 0 without known depths, and the shares of sampling
+    /// become 0 with growth by a threshold.
     pub fn in_use(&self) -> Self {
         let (mut s, plain) = (self.clone(), Self::default());
         if s.density.growth == Growth::Threshold {

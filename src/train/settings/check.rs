@@ -1,10 +1,10 @@
-//! What settings ask for together, and whether it makes sense.
+//! Checks that the values of settings fit one another.
 
 use super::{Background, DepthPrior, Gate, Growth, Method, Settings, SettingsError, SigmaLearning, Transparent};
 use crate::saliency::LearnSettings;
 
 impl Settings {
-    /// Whether pixels are told apart by masks.
+    /// Whether any setting needs texture masks.
     pub fn needs_masks(&self) -> bool {
         let (density, frequencies) = (&self.density, &self.frequencies);
         let by_stage = frequencies.low_texture_weight != 1.0
@@ -21,7 +21,7 @@ impl Settings {
         self.texture.lambda_constrained > 0.0
     }
 
-    /// Whether every value is in its range, and the values make sense together.
+    /// Checks that every value is in its range, and that the values fit one another.
     pub fn check(&self) -> Result<(), SettingsError> {
         self.run.in_range()?;
         self.photographs.in_range()?;
@@ -45,7 +45,7 @@ impl Settings {
         Ok(())
     }
 
-    /// What harmonics, background and losses ask of one another.
+    /// Constraints between harmonics, background and losses.
     fn together(&self) -> [Constraint; 6] {
         let Self { run, model, texture, shortcuts, density, geometry, .. } = self;
         let growth_ends = run.scale_schedule || density.no_densify || density.densify_until < run.iterations;
@@ -86,7 +86,7 @@ impl Settings {
         ]
     }
 
-    /// What the splats of stereo ask of one another.
+    /// Constraints of the settings for stereo's splats.
     fn of_stereo(&self) -> [Constraint; 6] {
         let Self { geometry, frequencies, .. } = self;
         let stereo = geometry.depth_prior == DepthPrior::Stereo;
@@ -116,7 +116,7 @@ impl Settings {
         ]
     }
 
-    /// What learned masks need.
+    /// Constraints of learned masks.
     fn of_masks(&self) -> [Constraint; 4] {
         let frequencies = &self.frequencies;
         let learned = frequencies.sigma_learning != SigmaLearning::Off;
@@ -135,5 +135,5 @@ impl Settings {
     }
 }
 
-/// Whether something holds, the key that is wrong otherwise, and what it takes.
+/// Whether the constraint holds, else the key that is wrong, and the values that the key takes.
 type Constraint = (bool, &'static str, &'static str);

@@ -1,4 +1,4 @@
-//! `settings.toml`: written beside every result, read back by `train --config`.
+//! `settings.toml`: written beside every result, and read by `train --config`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -7,71 +7,71 @@ use std::path::{Path, PathBuf};
 use super::Settings;
 use crate::format::read_text;
 
-/// What can be wrong with settings.
+/// An error of settings.
 #[derive(Debug, thiserror::Error)]
 pub enum SettingsError {
-    /// The file could not be read or written.
+    /// The file cannot be read or written.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// The cause.
+        /// The operating system's error.
         source: io::Error,
     },
-    /// The file is no settings file: bad TOML, an unknown key, a value of the wrong kind.
+    /// The file is no settings file: invalid TOML, an unknown key, a value of the wrong kind.
     #[error("{}:{line}: {message}", path.display())]
     Parse {
         /// The file.
         path: PathBuf,
-        /// Line, from 1.
+        /// Line number, from 1.
         line: usize,
-        /// What is wrong, naming the key.
+        /// The problem, with the key.
         message: String,
     },
-    /// A value outside its range.
+    /// A value is outside its range.
     #[error("{key} must be {want}")]
     Value {
-        /// Key in the file.
+        /// The key.
         key: String,
-        /// What it takes.
+        /// The values that it takes, worded to follow "must be".
         want: &'static str,
     },
-    /// There is no setting of this name.
+    /// No setting has this name.
     #[error("no setting `{key}`{}", nearest.as_ref().map_or(String::new(), |nearest| format!("; the nearest name is `{nearest}`")))]
     UnknownKey {
         /// The name.
         key: String,
-        /// The known name that is spelled most like it.
+        /// The setting with the most similar name.
         nearest: Option<String>,
     },
-    /// A value of the wrong kind.
+    /// A value has the wrong kind.
     #[error("{key} cannot be `{value}`: {message}")]
     BadValue {
-        /// Key in the file.
+        /// The key.
         key: String,
         /// The value.
         value: String,
-        /// What the key takes.
+        /// The values that the key takes.
         message: String,
     },
-    /// The settings could not be written as TOML.
+    /// The settings cannot be written as TOML.
     #[error("settings cannot be written as TOML: {0}")]
     Write(#[from] toml::ser::Error),
 }
 
-/// Whole numbers below this are told from one another by floating-point ones.
+/// An f64 represents every smaller whole number exactly.
 const WHOLE: f64 = 9_007_199_254_740_992.0;
 
 impl Settings {
-    /// The settings as the text of a `settings.toml`, every value written out.
+    /// The text of a `settings.toml` with every value.
     pub fn to_toml(&self) -> Result<String, SettingsError> {
         let text = toml::to_string_pretty(self)?;
         Ok(format!("# Reproduces this run: psrgs-vk train --config settings.toml --out DIR\n{text}"))
     }
 
-    /// Reads the text of a settings file; `path` is only named in errors. Keys that are missing keep their defaults.
+    /// Reads the text of a settings file. Missing keys keep their defaults. `path` is used in errors only.
     ///
-    /// Whole numbers may be written as floating-point ones.
+    /// Whole numbers may have floating-point notation.
     pub fn from_toml(text: &str, path: &Path) -> Result<Self, SettingsError> {
         toml::from_str(text).or_else(|error| with_whole_numbers(text).ok_or_else(|| parse_error(&error, text, path)))
     }
@@ -82,7 +82,7 @@ impl Settings {
         Self::from_toml(&text, path)
     }
 
-    /// The keys that a settings file has, in all of its groups.
+    /// The keys in a settings file, in all groups.
     pub fn keys(path: &Path) -> Result<Vec<String>, SettingsError> {
         let text = read_text(path).map_err(|source| SettingsError::Io { path: path.to_owned(), source })?;
         let table: toml::Table = toml::from_str(&text).map_err(|error| parse_error(&error, &text, path))?;
@@ -93,7 +93,7 @@ impl Settings {
         Ok(table.iter().flat_map(keys).collect())
     }
 
-    /// Settings that differ from `other`, by key: their value here and there, as a file has it, `-` where there is none.
+    /// Settings that differ from `other`: key, value here, value there, in the file's spelling, `-` for none.
     pub fn differences(&self, other: &Self) -> Result<Vec<(String, String, String)>, SettingsError> {
         let [mine, theirs] = [flat(self)?, flat(other)?];
         let keys: BTreeSet<&String> = mine.keys().chain(theirs.keys()).collect();
@@ -102,17 +102,17 @@ impl Settings {
         Ok(differs.map(|key| (key.clone(), word(mine.get(key)), word(theirs.get(key)))).collect())
     }
 
-    /// These settings where `given` says that a key was named by the user, and `file`'s otherwise.
-    /// Keys are passed as in the file (`max-side`).
+    /// Merges with the settings of a file: keys for which `given` is true keep their values here, all others get those
+    /// of `file`. Keys have the file's spelling (`max-side`).
     pub fn over(&self, file: &Self, given: impl Fn(&str) -> bool) -> Result<Self, SettingsError> {
         let mut merged = toml::Table::try_from(file)?;
         overlay(&mut merged, toml::Table::try_from(self)?, &given);
-        // Both tables come from `Settings`, so a failure here is a failure to write one as TOML.
+        // Both tables come from `Settings`, so this can only be a failure to write TOML.
         merged.try_into().map_err(|e: toml::de::Error| SettingsError::Write(serde::ser::Error::custom(e)))
     }
 }
 
-/// The values of all groups by key. Keys are unique, as options of the command line are.
+/// The values of all groups by key. Keys are unique across groups, like command-line options.
 fn flat(settings: &Settings) -> Result<BTreeMap<String, toml::Value>, SettingsError> {
     let values = |(key, value)| match value {
         toml::Value::Table(group) => group.into_iter().collect(),
@@ -133,7 +133,7 @@ fn overlay(base: &mut toml::Table, top: toml::Table, given: &impl Fn(&str) -> bo
     }
 }
 
-/// The settings of a text in which whole numbers are written as floating-point ones, if that is all that is wrong with it.
+/// The settings of a text in which whole numbers have floating-point notation, if the text has no other fault.
 fn with_whole_numbers(text: &str) -> Option<Settings> {
     fn whole(value: &mut toml::Value) {
         match value {
@@ -152,7 +152,7 @@ fn with_whole_numbers(text: &str) -> Option<Settings> {
 fn parse_error(error: &toml::de::Error, text: &str, path: &Path) -> SettingsError {
     let start = error.span().map_or(0, |span| span.start.min(text.len()));
     let line = text.as_bytes()[..start].iter().filter(|&&b| b == b'\n').count() + 1;
-    // toml names an unknown key but, for a bad value, only what it expected: add the line itself.
+    // toml's message names an unknown key, but for a bad value only the expected kind: add the line itself.
     let source = text.lines().nth(line - 1).unwrap_or_default().trim();
     SettingsError::Parse { path: path.to_owned(), line, message: format!("{} (in `{source}`)", error.message()) }
 }

@@ -1,19 +1,19 @@
-//! How a group of settings is declared.
+//! Declares groups of settings.
 
 /// A key of `settings.toml`.
 #[derive(Clone, Debug)]
 pub struct Key {
-    /// Its name, such as `max-side`.
+    /// Name, such as `max-side`.
     pub name: String,
-    /// What it does.
+    /// Help text.
     pub help: &'static str,
-    /// Its default; empty where it has none.
+    /// Default; empty for none.
     pub default: String,
-    /// The values that it takes, as words that complete "must be".
+    /// The values that it takes, worded to follow "must be".
     pub range: Option<&'static str>,
 }
 
-/// A value as `settings.toml` spells it, without quotes.
+/// A value as in `settings.toml`, without quotes.
 pub(super) fn spelled(value: &impl serde::Serialize) -> String {
     match toml::Value::try_from(value) {
         Ok(toml::Value::String(word)) => word,
@@ -22,11 +22,11 @@ pub(super) fn spelled(value: &impl serde::Serialize) -> String {
     }
 }
 
-/// Declares one group of settings, each with its documentation, its default and the values that it takes (`; Range`).
+/// Declares a group of settings, each with documentation, default and range (`; Range`).
 ///
-/// `options`, `flags` and `optional` are options of the command line and keys of `settings.toml`; the key is the option's name without
-/// the dashes in front. `constants` and `unset` are keys alone: values that methods choose, which `--set KEY=VALUE` changes. `optional`
-/// and `unset` have no default.
+/// `options`, `flags` and `optional` are command-line options and keys of `settings.toml`; the key is the option's name
+/// without its dashes. `constants` and `unset` are keys only: methods choose their values, and `--set KEY=VALUE`
+/// changes them. `optional` and `unset` have no default.
 macro_rules! group {
     (
         $(#[$meta:meta])* pub struct $name:ident ($heading:literal)

@@ -1,4 +1,4 @@
-//! Growth, and low and high frequencies apart.
+//! Settings of growth and pruning, and of low and high frequencies.
 
 use super::group::group;
 use super::{Gate, Growth, LidarCloud, Range, SigmaLearning};
@@ -93,7 +93,7 @@ group! {
 }
 
 group! {
-    /// Low and high frequencies apart.
+    /// Settings of low and high frequencies.
     pub struct Frequencies("Model")
     options {
         /// Tell texture from the rest by a mask of each photograph: spectral, phase, gradient, random or off (no mask)

@@ -1,5 +1,5 @@
-//! Methods: named sets of values for the options that training follows. Nothing else in training looks at the method, but for
-//! [`Method::black_learns`].
+//! Methods: named sets of values for the settings. Apart from [`Method::black_learns`], training depends on the
+//! settings only.
 
 use std::fmt;
 use std::str::FromStr;
@@ -12,23 +12,26 @@ use super::{DepthPrior, Exposure, Gate, Growth, Run, Settings, SigmaLearning};
 pub enum Method {
     /// `3dgs`: the reference method of Kerbl et al. 2023 with its published schedule and quirks.
     Reference3dgs,
-    /// `absgs`: 3dgs with splits by sums of absolute gradients (Ye et al. 2024).
+    /// `absgs`: 3dgs that splits by sums of absolute gradients (Ye et al. 2024).
     AbsGs,
-    /// `gspro`: 3dgs with depths and normals propagated from its renders, and splats where these are far off (GaussianPro, Cheng et al.
-    /// 2024).
+    /// `gspro`: 3dgs that propagates depths and normals from its renders and adds splats where they differ much
+    /// (GaussianPro, Cheng et al. 2024).
     GsPro,
-    /// `rsgs`: 3dgs whose splats grow near a LiDAR cloud only, with its depths and planes in the loss (after Li et al. 2024).
+    /// `rsgs`: 3dgs whose splats only grow near a LiDAR cloud, with the cloud's depths and planes in the loss (after Li
+    /// et al. 2024).
     Rsgs,
-    /// `lean`: 3dgs with sampled growth, fading in place of opacity resets, and coarse photographs first; nothing of the paper.
+    /// `lean`: 3dgs with sampled growth, fading opacities instead of resets, and coarse photographs first; no part of
+    /// the psrgs paper.
     Lean,
-    /// `psrgs`: progressive spectral residual splatting, as far as it pays, with exposures and surfaces continued to where few photographs look.
+    /// `psrgs`: progressive spectral residual splatting with the parts that pay, with exposures, and with surfaces
+    /// continued to places that few photographs see.
     Psrgs,
-    /// `psrgs-paper`: the same with every part of the paper, whether it pays or not.
+    /// `psrgs-paper`: progressive spectral residual splatting with every part of the paper, whether it pays or not.
     PsrgsPaper,
 }
 
 impl Method {
-    /// All methods, with what they are called.
+    /// All methods, with their names.
     pub const ALL: [(Self, &str); 7] = [
         (Self::Reference3dgs, "3dgs"),
         (Self::AbsGs, "absgs"),
@@ -39,13 +42,13 @@ impl Method {
         (Self::PsrgsPaper, "psrgs-paper"),
     ];
 
-    /// What it is called.
+    /// The method's name.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(method, _)| *method == self).map_or("", |(_, name)| name)
     }
 
-    /// Whether a colour at its lower bound has a gradient where a descent step would raise it. In the reference none has, and a splat
-    /// that is black stays black: the published methods follow that.
+    /// Whether a colour at its lower bound has a gradient where a descent step would raise it. In the reference it has
+    /// none and a black splat stays black, which the published methods follow.
     pub fn black_learns(self) -> bool {
         match self {
             Self::Reference3dgs | Self::AbsGs | Self::GsPro | Self::Rsgs => false,
@@ -53,7 +56,7 @@ impl Method {
         }
     }
 
-    /// Puts its values in place of those that are not `named`, by their keys in the file.
+    /// Sets the method's values for keys that are not `named`.
     pub fn apply(self, settings: &mut Settings, named: impl Fn(&str) -> bool) {
         settings.run.method = self;
         match self {
@@ -76,7 +79,7 @@ impl Method {
     }
 }
 
-/// Options that say at which step something happens, as they stand in a schedule of 30,000.
+/// Settings that are steps in a schedule of 30,000 steps.
 const STEPS_OF_THE_SCHEDULE: [&str; 8] = [
     "densify-from",
     "densify-until",
@@ -88,7 +91,7 @@ const STEPS_OF_THE_SCHEDULE: [&str; 8] = [
     "propagate-until",
 ];
 
-/// Puts values in place of those that are not named.
+/// Sets values of keys that are not named.
 macro_rules! unless_named {
     ($named:ident, $settings:ident: $($key:literal $group:ident . $field:ident = $value:expr),+ $(,)?) => {
         $(if !$named($key) {
@@ -105,8 +108,8 @@ fn absgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     );
 }
 
-/// Normals alone are compared, with the same weight in every step. The publication weighs the mean over the splats on the image by 100,
-/// which is this weight of each where they are 50,000.
+/// Only normals are compared, with the same weight in every step. The publication weighs the mean over visible splats
+/// by 100, which equals this weight per splat for 50,000 visible splats.
 fn gspro(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     unless_named!(named, settings:
         "depth-prior" geometry.depth_prior = DepthPrior::Propagation,
@@ -119,7 +122,7 @@ fn gspro(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     );
 }
 
-/// Depths and planes count everywhere: nothing tells texture from the rest.
+/// Depths and planes count everywhere, because there is no texture mask.
 fn rsgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     unless_named!(named, settings:
         "depth-prior" geometry.depth_prior = DepthPrior::Lidar,
@@ -128,8 +131,9 @@ fn rsgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 }
 
 fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
-    // In the middle of the published schedule nothing has been pruned yet, and no surface is continued. The published methods have the
-    // published steps all the same: a model of 7,000 is known to be one in the middle. Whoever names a step of the schedule has it there.
+    // Early in the published schedule nothing is pruned and no surface is continued, so shorter runs scale the
+    // schedule. The published methods keep the published steps: a model of 7,000 steps is known as an intermediate one.
+    // A named step of the schedule also keeps the schedule.
     if !["scale-schedule"].into_iter().chain(STEPS_OF_THE_SCHEDULE).any(named)
         && settings.run.iterations < Run::default().iterations
     {
@@ -141,7 +145,7 @@ fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "grad-threshold" density.grad_threshold = 8e-4,
         "low-grad-threshold" density.low_grad_threshold = 8e-4,
         "prune-unseen" density.prune_unseen = true,
-        // The extent is that of the cameras: walls and a sky far beyond them are of splats larger than any share of it.
+        // The extent is that of the cameras. Splats of distant walls and of the sky are larger than any share of it.
         "prune-extent" density.prune_extent = 0.0,
         "prune-weight" density.prune_weight = 0.03,
         "recycle-share" density.recycle_share = 0.2,
@@ -164,23 +168,23 @@ fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "stereo-thickness" geometry.stereo_thickness = 0.2,
         "stereo-opacity" geometry.stereo_opacity = 0.3,
     );
-    // Other priors have no surfaces to begin on.
+    // Other priors have no surfaces for first splats.
     if settings.geometry.depth_prior == DepthPrior::Stereo {
         unless_named!(named, settings: "stereo-splats" geometry.stereo_splats = 60_000);
     }
 }
 
-/// What `psrgs` has and the paper has not. Growth ends early, after a third of the steps, and what is of little weight goes once, when
-/// it has settled: so the fewest splats are needed for the same pictures, and fewer to begin with.
+/// The parts of `psrgs` beyond the paper. Growth ends after a third of the steps, and splats of little weight are
+/// pruned once when the model has settled. This needs the fewest splats for equal renders, and fewer first splats.
 fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     unless_named!(named, settings:
         "densify-until" density.densify_until = 10_000,
-        // Texture, which SSIM sees, counts more than in publications, and thresholds are for the larger gradients of that.
+        // Texture, which SSIM measures, counts more than in publications. The thresholds fit the larger gradients.
         "lambda-dssim" optimiser.lambda_dssim = 0.3,
         "grad-threshold" density.grad_threshold = 2.4e-3,
         "low-grad-threshold" density.low_grad_threshold = 2.4e-3,
         "grow-on-threshold" density.grow_on_threshold = 8e-4,
-        // Coarse photographs first are for splats that have yet to find their places. These begin on surfaces.
+        // Coarse photographs help splats to find their positions. Splats on the surfaces of stereo have theirs.
         "coarse-steps" frequencies.coarse_steps = 0.0,
         "prune-weight" density.prune_weight = 0.11,
         "prune-young" density.prune_young = 0.0,
@@ -188,10 +192,11 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "stereo-skirt" geometry.stereo_skirt = 0.5,
         "exposure" optimiser.exposure = Exposure::Affine,
         "visible-adam" shortcuts.visible_adam = true,
-        // What a splat hardly shows is half of what is blended, and says little until splats have found their places.
+        // Splats of low alpha at a pixel are half of the blending work, and say little until splats have found their
+        // positions.
         "early-steps" shortcuts.early_steps = 0.75,
     );
-    // Splats that begin on the surfaces of stereo stay there without a loss that holds them. With another prior the loss is all there is of it.
+    // Splats on the surfaces of stereo stay there without a loss. Other priors work by their loss only.
     if settings.geometry.depth_prior == DepthPrior::Stereo {
         unless_named!(named, settings:
             "stereo-splats" geometry.stereo_splats = 30_000,
@@ -199,11 +204,11 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
             "lambda-normal" geometry.lambda_normal = 0.0,
         );
     }
-    // What stereo does not find has to grow. Whoever says how splats grow has it so.
+    // Parts that stereo does not find have to grow. A user who names a setting of growth keeps its value.
     if !["densify-until", "grad-threshold", "low-grad-threshold"].into_iter().any(named) {
         unless_named!(named, settings: "grow-on" density.grow_on = 0.5);
     }
-    // Whoever says how many there are to be has so many.
+    // A user who names the number of splats gets that number.
     if !named("stereo-splats") && settings.geometry.depth_prior == DepthPrior::Stereo {
         unless_named!(named, settings: "stereo-density" geometry.stereo_density = 12_500);
         if !named("stereo-densest") && settings.geometry.stereo_density > 0 {
@@ -213,7 +218,8 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     }
 }
 
-/// What the paper has and `psrgs` has not. Its thresholds are those of the caption of its second figure: high where frequencies are low.
+/// The parts of the paper that `psrgs` lacks. The thresholds are those in the caption of the paper's figure 2: high for
+/// low frequencies.
 fn psrgs_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     unless_named!(named, settings:
         "low-grad-threshold" density.low_grad_threshold = 2.4e-3,

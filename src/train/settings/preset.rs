@@ -1,4 +1,4 @@
-//! Presets: resolution, steps and schedule under one name.
+//! Presets: resolution, steps and schedule.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,25 +9,25 @@ use crate::vk::DeviceKind;
 /// Resolution, steps and schedule under one name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// 640 pixels, 2,000 steps, the schedule scaled to them: minutes to an hour without a GPU.
+    /// 640 pixels, 2,000 steps with a scaled schedule: minutes to an hour without a GPU.
     Quick,
-    /// 1,600 pixels and the published 30,000 steps: what methods are compared with. The defaults of every option.
+    /// 1,600 pixels and the published 30,000 steps, for comparisons of methods. The defaults of every option.
     Standard,
     /// Photographs at their full size, 30,000 steps.
     Full,
 }
 
-/// Longer than any photograph.
+/// Longer than the side of any photograph.
 const FULL_SIDE: u32 = 1 << 16;
 
 impl Preset {
-    /// What is taken where none is asked for.
+    /// The preset of a device where the user names none.
     pub fn for_device(kind: DeviceKind) -> Self {
         if kind == DeviceKind::Cpu { Self::Quick } else { Self::Standard }
     }
 
-    /// Puts its values in place of those that are not `named`, by their keys in the file. One that nobody asked for
-    /// (`automatic`) leaves the schedule alone where steps are named: they fully replace its own.
+    /// Sets the preset's values for keys that are not `named`. An `automatic` preset does not scale the schedule if the
+    /// user names the number of steps.
     pub fn apply(self, settings: &mut Settings, automatic: bool, named: impl Fn(&str) -> bool) {
         let (side, steps, scaled) = match self {
             Self::Quick => (640, 2000, true),
@@ -95,7 +95,7 @@ mod tests {
         assert_eq!(with(Preset::Quick, true, &[]), (640, 2000, true));
     }
 
-    /// So that what is printed as the default of an option is what holds.
+    /// The printed defaults of the options are those of the standard preset.
     #[test]
     fn standard_is_the_defaults() {
         let mut settings = Settings::default();

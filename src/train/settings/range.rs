@@ -1,6 +1,6 @@
-//! Which values a setting takes.
+//! Ranges of settings.
 
-/// The values that a setting takes, and the words for them in errors.
+/// The values that a setting takes, with their description for errors.
 #[derive(Clone, Copy, Debug)]
 pub struct Range {
     words: &'static str,
@@ -23,7 +23,7 @@ impl Range {
     /// Above 0; infinity is a threshold that nothing reaches.
     pub const THRESHOLD: Self = Self::new("a positive number", |v| v > 0.0);
 
-    /// The values for which `holds` is true; `words` complete "must be".
+    /// The values for which `holds` is true. `words` complete "must be".
     pub const fn new(words: &'static str, holds: fn(f64) -> bool) -> Self {
         Self { words, holds }
     }
@@ -39,9 +39,9 @@ impl Range {
     }
 }
 
-/// A setting that is a number.
+/// A numeric setting.
 pub(super) trait Number: Copy {
-    /// Its value.
+    /// The value as f64.
     fn number(self) -> f64;
 }
 

@@ -1,4 +1,4 @@
-//! One setting at a time, by its key.
+//! Sets single settings by key.
 
 use super::{Key, Settings, SettingsError};
 
@@ -24,7 +24,8 @@ impl Settings {
         groups.into_iter().flat_map(|(group, keys)| keys.into_iter().map(move |key| (group, key))).collect()
     }
 
-    /// Sets the value of one key, such as `sample-rate` to `0.3`. The value is spelled as in `settings.toml`; quotes may be left out.
+    /// Sets the value of a key, such as `sample-rate` to `0.3`, in the spelling of `settings.toml`. Quotes are
+    /// optional.
     pub fn set(&mut self, key: &str, value: &str) -> Result<(), SettingsError> {
         let keys = Self::all_keys();
         let Some((group, _)) = keys.iter().find(|(_, known)| known.name == key) else {
@@ -32,7 +33,7 @@ impl Settings {
         };
         let typed = toml::from_str::<toml::Table>(&format!("value = {value}")).ok().and_then(|mut t| t.remove("value"));
         let word = toml::Value::String(value.to_owned());
-        // `0` may be a number or the name of a device, `700.0` a whole number.
+        // `0` may be a number or the name of a device, and `700.0` a whole number.
         let whole = match &typed {
             Some(toml::Value::Float(number)) if number.fract() == 0.0 => Some(toml::Value::Integer(*number as i64)),
             _ => None,
@@ -56,7 +57,7 @@ impl Settings {
     }
 }
 
-/// The known key that is spelled most like `key`, unless none is.
+/// The known key with the most similar name, if any is similar.
 fn nearest(key: &str, keys: &[(&'static str, Key)]) -> Option<String> {
     let closeness = |known: &str| strsim::jaro_winkler(key, known);
     let best = keys.iter().map(|(_, known)| &known.name).max_by(|a, b| closeness(a).total_cmp(&closeness(b)))?;

@@ -1,18 +1,19 @@
-//! Terms of the loss beside that of colours.
+//! Settings of loss terms other than colour.
 
 use super::group::group;
 use super::{DepthPrior, Range};
 use crate::scene::init::FIRST_OPACITY;
 
-/// Least NCC of the depths that a model is trained with and begins on. Bare ground, which a lower one would add (see
-/// [`crate::stereo::Settings::least_ncc`]), makes no difference to the model.
+/// Least NCC of depths for training and first splats. A lower value would add bare ground (see
+/// [`crate::stereo::Settings::least_ncc`]), which makes no difference to the model.
 const TRAINED_NCC: f32 = 0.5;
-/// Taps along a side of the window, and pixels between them: as wide as the window of [`crate::stereo::Settings`], with 9 taps for its 25. The
-/// depths are as exact, at three fifths of the time; up to 3 % of the pixels have none for it.
+/// Taps along a side of the window, and pixels between taps. The window is as wide as that of
+/// [`crate::stereo::Settings`], with 9 taps instead of 25. Depths are equally exact in three fifths of the time, and up
+/// to 3 % more pixels have none.
 const TRAINED_WINDOW: (u32, u32) = (3, 2);
 
 group! {
-    /// Depth and normals: where they are known from, and how they are trained with.
+    /// Settings of depth and normals: their source, and their losses.
     pub struct Geometry("Model")
     options {
         /// Take depths to train with from: none, stereo (the training photographs), lidar (the cloud of --lidar) or propagation (renders
@@ -89,7 +90,7 @@ group! {
 }
 
 group! {
-    /// Losses on texture, after the low-frequency stage.
+    /// Losses on texture after the low-frequency stage.
     pub struct Texture("Loss and learning rates")
     options {
         /// Weigh the perceptual distance by W in the loss; higher makes texture sharper and PSNR lower
@@ -117,7 +118,7 @@ group! {
 }
 
 impl Geometry {
-    /// The size of what is known of a photograph of this size.
+    /// The size of the depth and normal maps of a photograph of this size.
     pub fn prior_size(&self, width: u32, height: u32) -> (u32, u32) {
         self.stereo().size(width, height)
     }
@@ -129,13 +130,13 @@ impl Geometry {
             && (self.lambda_depth > 0.0 || self.lambda_normal > 0.0)
     }
 
-    /// Whether splats begin on surfaces that stereo has found.
+    /// Whether the training begins with splats on stereo's surfaces.
     pub fn begins_on_surfaces(&self) -> bool {
         self.stereo_splats > 0 || self.stereo_density > 0
     }
 
-    /// A file's settings after `given` options have said how many splats begin on surfaces: whoever gives a number has that number, and
-    /// what only refines one that is 0 now falls with it, unless it was given too.
+    /// Adapts a file's settings to `given` options. If the user gives a number of splats on surfaces, settings that
+    /// only refine that number are reset unless given too.
     pub fn reset_density_refinements(&mut self, given: impl Fn(&str) -> bool) {
         if !given("stereo-density") {
             self.stereo_density = 0;
@@ -148,7 +149,7 @@ impl Geometry {
         }
     }
 
-    /// How stereo works.
+    /// The settings of stereo.
     pub fn stereo(&self) -> crate::stereo::Settings {
         let (taps, step) = TRAINED_WINDOW;
         crate::stereo::Settings { max_side: self.stereo_side, least_ncc: TRAINED_NCC, taps, step, ..Default::default() }
@@ -156,12 +157,12 @@ impl Geometry {
 }
 
 impl Texture {
-    /// Most views that one step looks at.
+    /// Most views that one step uses.
     pub fn views_at_once(&self) -> u32 {
         if self.lambda_perceptual > 0.0 { self.perceptual_views.max(1) } else { 1 }
     }
 
-    /// Whether gradient maps have a part in the loss.
+    /// Whether the loss uses gradient maps.
     pub fn wants_gradients(&self) -> bool {
         self.lambda_gradients > 0.0 || self.lambda_variation > 0.0 || self.lambda_constrained > 0.0
     }

@@ -1,4 +1,4 @@
-//! The types of single settings: each is read from and written as one word, on the command line and in `settings.toml`.
+//! Types of single settings. Each is read and written as one word on the command line and in `settings.toml`.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ pub use crate::saliency::Gate;
 
 use crate::byte_size::{self, UNITS};
 
-/// Reads and writes a type in serde as the word of its `Display` and `FromStr`.
+/// Reads and writes a type in serde by its `Display` and `FromStr`.
 macro_rules! as_word {
     ($name:ident) => {
         impl serde::Serialize for $name {
@@ -28,7 +28,7 @@ macro_rules! as_word {
     };
 }
 
-/// Gives a type that is one of some words its `Display` and its `FromStr`.
+/// Implements `Display` and `FromStr` for an enum of words.
 macro_rules! words {
     ($name:ident, $what:literal: $($variant:ident = $word:literal),+) => {
         impl fmt::Display for $name {
@@ -58,13 +58,13 @@ fn either(words: &[&str]) -> String {
     }
 }
 
-/// How the splats are chosen that a density change grows.
+/// How a density change chooses the splats that grow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Growth {
-    /// All whose gradient reaches a threshold: small ones are cloned, large ones split (3DGS).
+    /// All splats whose gradient reaches a threshold: small ones are cloned, large ones split (3DGS).
     #[default]
     Threshold,
-    /// A sample of them, split along their longest axis.
+    /// A sample of these splats, split along their longest axis.
     Sampled,
 }
 
@@ -74,39 +74,39 @@ as_word!(Growth);
 /// How the width of the saliency filter is learned.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SigmaLearning {
-    /// It stays what it is.
+    /// The width is not learned.
     #[default]
     Off,
-    /// From where the model fails.
+    /// From the errors of the model.
     Errors,
-    /// From what the splats after the low-frequency stage are worth.
+    /// From the benefit of the splats added after the low-frequency stage.
     Composite,
 }
 
 words!(SigmaLearning, "way to learn sigma": Off = "off", Errors = "errors", Composite = "composite");
 as_word!(SigmaLearning);
 
-/// Where depths and normals to train with come from.
+/// The source of depths and normals for training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DepthPrior {
-    /// Nowhere.
+    /// No source.
     #[default]
     None,
     /// Multi-view stereo on the training photographs.
     Stereo,
-    /// The cloud that growth keeps to.
+    /// The cloud near which splats grow.
     Lidar,
-    /// Stereo that begins with renders while training goes on.
+    /// Stereo that starts from renders during training.
     Propagation,
 }
 
 words!(DepthPrior, "depth prior": None = "none", Stereo = "stereo", Lidar = "lidar", Propagation = "propagation");
 as_word!(DepthPrior);
 
-/// The cloud of points that growth keeps to.
+/// The point cloud near which splats grow.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LidarCloud {
-    /// Made by multi-view stereo of the training photographs: no laser scan.
+    /// The surfaces of multi-view stereo on the training photographs: no laser scan.
     Mvs,
     /// A laser scan: PLY, LAS or LAZ.
     File(PathBuf),
@@ -170,28 +170,28 @@ impl FromStr for Split {
 
 as_word!(Split);
 
-/// Whether the variants of the passes are chosen by timing.
+/// Whether timing chooses the variants of the passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tune {
-    /// By an earlier timing on this device for this size, or by one now.
+    /// By an earlier timing for this device and size, or by a timing now.
     #[default]
     Auto,
     /// By the device's capabilities.
     Off,
-    /// By a timing now, whatever an earlier one said.
+    /// By a timing now, regardless of earlier ones.
     Again,
 }
 
 words!(Tune, "way of tuning": Auto = "auto", Off = "off", Again = "again");
 as_word!(Tune);
 
-/// What stands between the render and a photograph in training.
+/// The map of colours between a render and its photograph in training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Exposure {
-    /// Nothing.
+    /// No map.
     #[default]
     Off,
-    /// An affine map of colours for each photograph, the identity in the mean over them.
+    /// An affine map of colours per photograph; the mean over photographs is the identity.
     Affine,
 }
 
@@ -202,13 +202,13 @@ words!(MaskIgnores, "colour of masks": Black = "black", White = "white");
 as_word!(Method);
 as_word!(Preset);
 
-/// What transparent pixels of photographs are.
+/// The meaning of transparent pixels of photographs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Transparent {
-    /// Pixels of which nothing is known: they have no part in losses and metrics.
+    /// Unknown: they have no part in losses and metrics.
     #[default]
     LeftOut,
-    /// Places where the background is seen.
+    /// They show the background.
     Background,
 }
 
@@ -217,7 +217,7 @@ as_word!(Transparent);
 
 words!(Transfer, "transfer curve": Auto = "auto", Srgb = "srgb", Linear = "linear");
 
-/// What is behind the splats in training.
+/// The colour behind the splats in training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Background {
     /// (0, 0, 0).
@@ -225,12 +225,12 @@ pub enum Background {
     Black,
     /// (1, 1, 1).
     White,
-    /// A new colour in every step; black where a model is scored.
+    /// A new colour in every step; black for scores.
     Random,
 }
 
 impl Background {
-    /// The colour behind the splats where a model is scored.
+    /// The colour behind the splats for scores.
     pub fn evaluated(self) -> [f32; 3] {
         if self == Self::White { [1.0; 3] } else { [0.0; 3] }
     }
@@ -239,7 +239,7 @@ impl Background {
 words!(Background, "background": Black = "black", White = "white", Random = "random");
 as_word!(Background);
 
-/// A number of bytes, written as `800M`, `6GiB` or plain digits. K, M, G and T are powers of 1024.
+/// A number of bytes, spelled as `800M`, `6GiB` or digits. K, M, G and T are powers of 1024.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ByteSize(pub u64);
 
@@ -253,7 +253,7 @@ impl fmt::Display for ByteSize {
     }
 }
 
-/// Sizes below are a number whose unit was forgotten.
+/// A smaller size is a number whose unit is missing.
 const FEWEST_BYTES: u64 = 4096;
 
 impl FromStr for ByteSize {

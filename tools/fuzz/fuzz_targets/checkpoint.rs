@@ -1,4 +1,4 @@
-//! Checkpoints with checksums that are right, down to the state of a training.
+//! Checkpoints with correct checksums, down to the state of a training.
 #![no_main]
 
 use std::sync::LazyLock;

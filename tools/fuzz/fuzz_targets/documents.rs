@@ -1,4 +1,4 @@
-//! The small files beside a model, and the parameters of a world: the first byte says which.
+//! The small files beside a model, and the parameters of a world. The first byte chooses the file.
 #![no_main]
 
 use std::sync::LazyLock;

@@ -1,4 +1,4 @@
-//! Weights in ncnn's `.param` and `.bin`: two bytes for the length of the first, both files.
+//! Weights in ncnn's `.param` and `.bin`: two bytes for the length of `.param`, then both files.
 #![no_main]
 
 use std::sync::LazyLock;

@@ -1,4 +1,4 @@
-//! A photograph alone, and as that of a camera with a lens.
+//! A photograph alone, and as the photograph of a camera with a lens.
 #![no_main]
 
 use std::sync::LazyLock;
@@ -8,7 +8,7 @@ use psrgs_vk::dataset::Photograph;
 use psrgs_vk_fuzz::datasets::load;
 use psrgs_vk_fuzz::{Scratch, begin, seeds, within};
 
-/// The camera has the photograph's size, whatever it is.
+/// The camera has no size of its own: the photograph's counts.
 const TRANSFORMS: &str = r#"{"camera_angle_x": 0.8, "k1": 0.02, "frames": [{"file_path": "images/a.png",
     "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]}]}"#;
 
@@ -20,7 +20,7 @@ static FOLDER: LazyLock<Scratch> = LazyLock::new(|| {
 
 fuzz_target!(init: begin(seeds::pictures::photographs), |data: &[u8]| {
     let file = FOLDER.put("images/a.png", data);
-    // A byte can be a thousand bytes of a picture, and each of those eight pixels of 16 bytes.
+    // A byte may hold a thousand bytes of a picture, each of which may be eight pixels of 16 bytes.
     within(data.len(), 1100 * 128, || {
         if let Ok(photograph) = Photograph::read(&file) {
             assert_eq!(photograph.rgba8().len() as u64, 4 * u64::from(photograph.width) * u64::from(photograph.height));

@@ -1,13 +1,13 @@
-//! An allocator that counts, and ends the process where a reader takes more memory than its file may ask for.
+//! An allocator that counts bytes, and ends the process if a reader takes more memory than its file may cause.
 //!
-//! libFuzzer's `-malloc_limit_mb` sees single allocations, and only with a sanitizer; this sees their sum,
-//! in every build.
+//! libFuzzer's `-malloc_limit_mb` sees single allocations, and only with a sanitizer. This allocator sees their sum in
+//! every build.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::backtrace::Backtrace;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Bytes that a reader may take whatever its file: buffers, tables, stacks of threads.
+/// Bytes that a reader may take for any file: buffers, tables, stacks of threads.
 const BASE: usize = 64 << 20;
 
 static LIVE: AtomicUsize = AtomicUsize::new(0);
@@ -31,7 +31,7 @@ fn give_back(bytes: usize) {
 
 #[cold]
 fn over(bytes: usize, live: usize) {
-    // What is said takes memory too.
+    // The message takes memory too.
     let limit = LIMIT.swap(usize::MAX, Ordering::Relaxed);
     if limit == usize::MAX {
         return;
@@ -40,7 +40,7 @@ fn over(bytes: usize, live: usize) {
     std::process::abort();
 }
 
-// An allocator cannot be had without; each call is passed on as it came.
+// `GlobalAlloc` requires unsafe code. Each call is passed on unchanged.
 unsafe impl GlobalAlloc for Bounded {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         take(layout.size());
@@ -64,12 +64,12 @@ unsafe impl GlobalAlloc for Bounded {
     }
 }
 
-/// No bound until the next [`within`]: what is said of a panic takes memory.
+/// No bound until the next [`within`]: the message of a panic takes memory.
 pub fn lift() {
     LIMIT.store(usize::MAX, Ordering::Relaxed);
 }
 
-/// Does something that may take 64 MiB, and so many bytes for each byte of its file.
+/// Runs `work`, which may take 64 MiB and `bytes_for_each` bytes for each byte of its file.
 pub fn within<T>(file: usize, bytes_for_each: usize, work: impl FnOnce() -> T) -> T {
     let allowed = BASE.saturating_add(file.saturating_mul(bytes_for_each));
     LIMIT.store(LIVE.load(Ordering::Relaxed).saturating_add(allowed), Ordering::Relaxed);

@@ -1,7 +1,6 @@
-//! Checksums that are right: without them nothing behind the first would ever be reached.
+//! Corrects checksums: with a wrong one, a reader stops at once.
 
-/// A checkpoint's bytes with the sum of each section, and that of the whole,
-/// put right as far as its lengths make sense.
+/// A checkpoint's bytes with corrected checksums of the sections and of the whole, as far as its lengths are valid.
 pub fn sealed(data: &[u8]) -> Vec<u8> {
     let mut bytes = data.to_vec();
     let word = |bytes: &[u8], at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));

@@ -1,11 +1,11 @@
-//! Whole datasets, one file of which is the input.
+//! Whole datasets, with the input as one of their files.
 
 use psrgs_vk::dataset::{Dataset, LoadOptions};
 
 use crate::Scratch;
 use crate::seeds::folders;
 
-/// Files of COLMAP's model in the order in which the first byte of an input chooses among them.
+/// The files of a COLMAP model. The first byte of an input chooses one in this order.
 pub struct Colmap {
     scratch: Scratch,
     files: [(&'static str, Vec<u8>); 3],
@@ -33,13 +33,13 @@ impl Colmap {
     }
 }
 
-/// Loads the dataset in a folder. What is loaded must be of use.
+/// Loads the dataset in a folder, and checks that it can be used.
 pub fn load(scratch: &Scratch, photographs: bool) -> Option<Dataset> {
     let options = LoadOptions { photographs, max_side: Some(64), ..LoadOptions::default() };
     let dataset = match Dataset::load(scratch.path(), &options) {
         Ok(dataset) => dataset,
         Err(error) => {
-            // Messages are made of what files hold.
+            // Messages contain words from files.
             assert!(!error.to_string().is_empty());
             return None;
         }

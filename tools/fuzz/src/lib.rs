@@ -1,8 +1,7 @@
-//! What the fuzz targets share: seeds, files for readers that take paths,
-//! and a bound on the memory that a reader may take for a file.
+//! Shared by the fuzz targets: seeds, files for readers that take paths, and a bound on a reader's memory per file.
 //!
-//! A target begins with [`begin`] and gives every input to its reader [`within`] such a bound. It fails by a panic, by
-//! taking more memory than the bound, or by taking longer than libFuzzer's `-timeout`.
+//! A target begins with [`begin`] and passes every input to its reader inside [`within`]. It fails on a panic, on more
+//! memory than the bound, or on more time than libFuzzer's `-timeout`.
 
 pub mod bound;
 pub mod checkpoints;
@@ -15,11 +14,11 @@ pub use scratch::Scratch;
 
 /// Writes the seeds of a target and ends the process, if the environment asks for it (`PSRGS_FUZZ_SEEDS=FOLDER`).
 ///
-/// Decoders of others panic on damaged data, and readers contain it: so a panic ends nothing by itself, and only one
-/// that leaves a reader is a finding, which libFuzzer's wrapper sees as it unwinds.
-/// `PSRGS_FUZZ_PANICS=1` shows all of them.
+/// Decoders of other crates panic on damaged data, and the readers contain these panics. So a panic does not end the
+/// process: only a panic that leaves a reader is a finding, which libFuzzer's wrapper sees as it unwinds.
+/// `PSRGS_FUZZ_PANICS=1` shows all panics.
 pub fn begin(seeds: impl FnOnce() -> Vec<Vec<u8>>) {
-    // libFuzzer's wrapper has one that ends the process.
+    // libFuzzer's wrapper installs a hook that ends the process.
     drop(std::panic::take_hook());
     let default = std::panic::take_hook();
     let shown = std::env::var_os("PSRGS_FUZZ_PANICS").is_some();
@@ -37,12 +36,12 @@ pub fn begin(seeds: impl FnOnce() -> Vec<Vec<u8>>) {
     std::process::exit(0);
 }
 
-/// The first byte of an input, which chooses, and the rest.
+/// The first byte of an input, which makes a choice, and the rest.
 pub fn choice(data: &[u8]) -> (usize, &[u8]) {
     data.split_first().map_or((0, data), |(first, rest)| (usize::from(*first), rest))
 }
 
-/// A seed that chooses.
+/// A seed with its choice in the first byte.
 pub fn chosen(choice: u8, bytes: impl AsRef<[u8]>) -> Vec<u8> {
     [&[choice], bytes.as_ref()].concat()
 }

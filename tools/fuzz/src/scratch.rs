@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A folder that stays as long as the process, in `TMPDIR`: `tools/fuzz/run` puts that into memory and clears it.
+/// A folder in `TMPDIR` that lasts as long as the process. `tools/fuzz/run` puts it into memory and clears it.
 pub struct Scratch(PathBuf);
 
 impl Default for Scratch {
@@ -13,7 +13,7 @@ impl Default for Scratch {
 }
 
 impl Scratch {
-    /// An empty one.
+    /// An empty folder.
     pub fn new() -> Self {
         Self(tempfile::Builder::new().prefix("psrgs-fuzz-").tempdir().expect("a temporary folder").keep())
     }
@@ -23,7 +23,7 @@ impl Scratch {
         &self.0
     }
 
-    /// Writes a file in it.
+    /// Writes a file in the folder.
     pub fn put(&self, name: &str, bytes: &[u8]) -> PathBuf {
         let file = self.0.join(name);
         fs::create_dir_all(file.parent().unwrap_or(&self.0)).expect("a folder");

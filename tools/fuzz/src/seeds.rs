@@ -1,4 +1,4 @@
-//! Small valid files of every kind, made rather than kept.
+//! Small valid files of every kind, generated.
 
 pub mod clouds;
 pub mod documents;

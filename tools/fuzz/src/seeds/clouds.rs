@@ -1,4 +1,4 @@
-//! Models, meshes and clouds in PLY files, laser scans.
+//! Models, meshes and clouds in PLY files, and laser scans.
 
 use std::io::Cursor;
 
@@ -9,12 +9,12 @@ use psrgs_vk::scene::{Frame, Gaussians};
 
 use crate::Scratch;
 
-/// Points of a little terrace.
+/// Points on a small terrace.
 fn positions(count: usize) -> impl Iterator<Item = [f64; 3]> {
     (0..count).map(|i| [(i % 5) as f64 * 0.75, (i / 5) as f64 * 1.25, (i % 3) as f64 * 0.5 + 10.0])
 }
 
-/// A model, a cloud and a mesh as this program writes them, the same as text, and what other programs have besides.
+/// A model, a cloud and a mesh as this program writes them, as text, and with variations of other programs.
 pub fn ply() -> Vec<Vec<u8>> {
     let scratch = Scratch::new();
     let file = scratch.path().join("seed.ply");
@@ -56,7 +56,7 @@ pub fn ply() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// Scans in the formats that differ, each as LAS and as LAZ.
+/// Scans in formats that differ, each as LAS and as LAZ.
 pub fn scans() -> Vec<Vec<u8>> {
     let scan = |format: u8, compressed: bool, extra: u16| {
         let mut builder = Builder::from(if format < 6 { Version::new(1, 2) } else { Version::new(1, 4) });

@@ -1,4 +1,4 @@
-//! Settings, and the small files of JSON beside a model.
+//! Settings, and the small JSON files beside a model.
 
 use psrgs_vk::format::FrameFile;
 use psrgs_vk::scene::Frame;
@@ -8,7 +8,7 @@ use serde_json::json;
 
 use crate::chosen;
 
-/// What is written by default, what is not, and single groups.
+/// Default settings, other settings, and single groups.
 pub fn settings() -> Vec<Vec<u8>> {
     let mut other = Settings { data: Some("some where/scene".into()), ..Settings::default() };
     other.run.init = Some("start.ply".into());
@@ -20,13 +20,13 @@ pub fn settings() -> Vec<Vec<u8>> {
     other.device.max_device_memory = Some(ByteSize(6 << 30));
     let written = |s: &Settings| s.to_toml().expect("settings as TOML").into_bytes();
     let mut seeds = vec![written(&Settings::default()), written(&other)];
-    // A group each: small enough to be looked into.
+    // One group each: small enough to mutate well.
     let text = String::from_utf8_lossy(&seeds[1]).into_owned();
     seeds.extend(text.split("\n\n").map(|group| group.as_bytes().to_vec()));
     seeds
 }
 
-/// `frame.json`, transforms, exposures, metrics and the parameters of a world: the first byte says which.
+/// `frame.json`, transforms, exposures, metrics and the parameters of a world. The first byte chooses.
 pub fn beside_models() -> Vec<Vec<u8>> {
     let frame = FrameFile::new(Frame { offset: [5e5, 4.6e6, 100.0], scale: 0.25 });
     let rows = json!([[0.0, -2.0, 0.0, 5.0], [2.0, 0.0, 0.0, -1.0], [0.0, 0.0, 2.0, 0.5], [0.0, 0.0, 0.0, 1.0]]);

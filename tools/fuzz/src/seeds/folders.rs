@@ -1,8 +1,8 @@
-//! Datasets of a few made-up cameras.
+//! Datasets with a few synthetic cameras.
 
 use serde_json::{Value, json};
 
-// The tests' own, of which this needs a part.
+// The tests' own module, of which only a part is used here.
 #[allow(dead_code)]
 #[path = "../../../../tests/colmap_folder/mod.rs"]
 mod colmap_folder;
@@ -16,7 +16,7 @@ pub(crate) fn ring() -> Folder {
     Folder::ring(&["a.png", "b.png"], [1.0, 2.0, 3.0])
 }
 
-/// Each file of COLMAP's model, and cameras of every model.
+/// Each file of a COLMAP model, with cameras of every camera model.
 pub fn colmap(text: bool) -> Vec<Vec<u8>> {
     let models: [((&str, i32), usize); 12] = [
         (("SIMPLE_PINHOLE", 0), 3),
@@ -55,7 +55,7 @@ pub fn colmap(text: bool) -> Vec<Vec<u8>> {
     seeds
 }
 
-/// `transforms.json` as nerfstudio writes it, and with an angle of view only, as for made-up scenes.
+/// `transforms.json` as nerfstudio writes it, and with only an angle of view, as for synthetic scenes.
 pub fn transforms() -> Vec<Vec<u8>> {
     let pose = |x: f64| json!([[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, 2.5], [0.0, 0.0, 1.0, 3.0], [0.0, 0.0, 0.0, 1.0]]);
     let frames = |prefix: &str| {

@@ -1,4 +1,4 @@
-//! Photographs, masks and maps of depth.
+//! Photographs, masks and depth maps.
 
 use std::io::Cursor;
 
@@ -8,7 +8,7 @@ use exr::prelude::{
 };
 use image::{DynamicImage, ImageFormat, Rgb32FImage, RgbaImage};
 
-/// Sizes of the pictures: as the other seeds' cameras, and long enough to be decoded at a fraction.
+/// Sizes of the pictures: that of the other seeds' cameras, and one long enough for decoding at a fraction.
 const SMALL: (u32, u32) = (24, 16);
 const LONG: (u32, u32) = (3072, 8);
 
@@ -23,7 +23,7 @@ fn encoded(picture: &DynamicImage, format: ImageFormat) -> Vec<u8> {
     out.into_inner()
 }
 
-/// Every kind of PNG that can be written, JPEG in colour and grey, OpenEXR.
+/// PNG in every kind that can be written, JPEG in colour and grey, OpenEXR.
 pub fn photographs() -> Vec<Vec<u8>> {
     let whole = shaded(SMALL);
     let float: Rgb32FImage = whole.to_rgb32f();
@@ -48,7 +48,7 @@ pub fn photographs() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// A PNG with a bit per pixel, its data stored without compression.
+/// A PNG with one bit per pixel and uncompressed data.
 fn bilevel() -> Vec<u8> {
     let (width, height) = SMALL;
     let raw: Vec<u8> = (0..height).flat_map(|y| [0, 0xf0, y as u8, 0x0f]).collect();
@@ -76,7 +76,7 @@ fn bilevel() -> Vec<u8> {
     out
 }
 
-/// OpenEXR files of one and of three channels, in every compression, in lines and in tiles.
+/// OpenEXR files with one and three channels, in every compression, as lines and as tiles.
 pub fn maps() -> Vec<Vec<u8>> {
     let size = (5, 40);
     let kinds = [

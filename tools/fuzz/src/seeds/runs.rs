@@ -1,4 +1,4 @@
-//! What a training leaves.
+//! Files of a training.
 
 use psrgs_vk::format::checkpoint::Checkpoint;
 use psrgs_vk::pass::counters;
@@ -8,7 +8,7 @@ use serde_json::json;
 
 use crate::Scratch;
 
-/// A training of two splats, and sections of other names.
+/// A training of two splats, and sections with other names.
 pub fn checkpoints() -> Vec<Vec<u8>> {
     let splats = 2_usize;
     let mut whole = Checkpoint::new();

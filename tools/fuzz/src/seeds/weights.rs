@@ -2,14 +2,14 @@
 
 use psrgs_vk::perceptual::Tensor;
 
-// The tests' own, of which this needs a part.
+// The tests' own module, of which only a part is used here.
 #[allow(dead_code)]
 #[path = "../../../../tests/perceptual/written.rs"]
 mod written;
 
 use crate::chosen;
 
-/// PyTorch's files of both forms (0) and a `.safetensors` (1), of two small arrays.
+/// PyTorch's files in both forms (0) and a `.safetensors` (1), with two small arrays.
 pub fn arrays() -> Vec<Vec<u8>> {
     let array = |shape: &[usize]| {
         let count = shape.iter().product::<usize>();
@@ -23,8 +23,8 @@ pub fn arrays() -> Vec<Vec<u8>> {
     ]
 }
 
-/// A network of the right layers with one number each; the first two bytes are the length of the `.param`,
-/// before the `.bin`.
+/// A network with the right layers and one number each. The first two bytes are the length of the `.param`, which
+/// precedes the `.bin`.
 pub fn ncnn() -> Vec<Vec<u8>> {
     let (mut param, mut bin) = ("7767517\n40 50\nInput in0 0 1 in0\n".to_owned(), Vec::new());
     let mut layer = |name: &str, half: bool| {
