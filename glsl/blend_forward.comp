@@ -15,7 +15,6 @@
 #endif
 
 layout(constant_id = 5) const uint WEIGHTS = 0u;  // 1: keep the largest weight of every splat in any pixel
-const float TRANSMITTANCE_MIN = 1e-4;
 
 layout(set = 0, binding = 0) readonly buffer Splat2d { vec4 splat2d[]; };
 layout(set = 0, binding = 1) readonly buffer Normals { vec4 normals[]; };

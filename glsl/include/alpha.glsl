@@ -1,4 +1,4 @@
-// The opacity of one splat at one pixel, shared by blend_forward and blend_backward so that both take the same decisions.
+// The opacity of one splat at one pixel, shared by blend_forward, blend_backward and depth_probe so that all take the same decisions.
 //
 // alpha = min(0.99, opacity exp(-(A dx^2 + C dy^2) / 2 - B dx dy)); a splat is skipped where alpha < ALPHA_MIN, and a pixel stops
 // before the splat that would take its transmittance below TRANSMITTANCE_MIN: 1/255 and 1e-4 (Kerbl et al. 2023); early steps of a
@@ -12,6 +12,7 @@
 #include "alpha_min.glsl"
 
 const float ALPHA_MAX = 0.99;
+const float TRANSMITTANCE_MIN = 1e-4;
 
 // (p, q, r) of the exponent (base 2) -(p dx + q dy)^2 - (r dy)^2, from A, B and rest = C - B^2 / A.
 vec3 conic_factor(float a, float b, float rest) {

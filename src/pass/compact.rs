@@ -1,4 +1,4 @@
-//! Lists the visible splats in index order, with depths as sort keys.
+//! The visible splats: their list in index order, with depths as sort keys, and their tile counts in depth order.
 
 use super::{Pass, module};
 use crate::vk::{Kernel, read, write};
@@ -31,4 +31,19 @@ pub const PASS: Pass = Pass {
     doc: "One thread owns one splat; a workgroup owns 64 consecutive splats.",
     dispatch: "one thread per splat",
     push: Push::FIELDS,
+};
+
+/// The tile counts of the visible splats in depth order.
+pub const GATHER_COUNTS: Pass = Pass {
+    kernel: Kernel {
+        name: "gather_counts",
+        spirv: module("gather_counts"),
+        bindings: &[read("order"), read("tile_counts"), read("counters"), write("counts")],
+        push_bytes: 0,
+        constants: &[],
+        local_size: Some(64),
+    },
+    doc: "One thread owns one visible splat; a workgroup owns 64 consecutive ones.",
+    dispatch: "one thread per visible splat",
+    push: &[],
 };

@@ -25,12 +25,12 @@ pub mod densify_sample;
 pub mod densify_scores;
 pub mod densify_stats;
 pub mod densify_views;
+pub mod depth_probe;
 pub mod emit;
 pub mod exposure;
 pub mod feature_distance;
 pub mod fill;
 pub mod finish;
-pub mod gather_counts;
 pub mod geometry;
 pub mod gradient_map;
 pub mod loss;
@@ -96,6 +96,7 @@ pub const ALL: &[&Pass] = &[
     &blend_forward::COLUMN,
     &blend_forward::COLUMN_EMULATED,
     &blend_forward::PIXEL,
+    &compact::GATHER_COUNTS,
     &compact::PASS,
     &constrain::ADD,
     &constrain::KEEP,
@@ -118,6 +119,7 @@ pub const ALL: &[&Pass] = &[
     &densify_scores::PASS,
     &densify_stats::PASS,
     &densify_views::PASS,
+    &depth_probe::PASS,
     &emit::PASS,
     &emit::TOGETHER,
     &emit::TOGETHER_EMULATED,
@@ -128,7 +130,6 @@ pub const ALL: &[&Pass] = &[
     &feature_distance::SUM,
     &fill::PASS,
     &finish::PASS,
-    &gather_counts::PASS,
     &geometry::DEPTH,
     &geometry::GRAD,
     &gradient_map::GRAD,

@@ -17,7 +17,7 @@ mod viewer;
 
 pub use live::LiveModel;
 pub use memory_footprint::MemoryFootprint;
-pub use picture::Picture;
+pub use picture::{DepthProbe, Picture};
 pub use planes::ShStorage;
 pub use planes::{
     MEANS, OPACITIES, PLANES, Plane, Planes, QUATS, SCALES, SH_HIGHER, SH0, gaussians_of, grown, planes_of,

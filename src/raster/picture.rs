@@ -17,6 +17,30 @@ pub struct Picture {
     pub aux: Option<Vec<f32>>,
 }
 
+/// Depths of a view and what hides or backs known ones, row-major; in scene units.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DepthProbe {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Median depth per pixel: that of the splat at which the transmittance falls to one half or below; 0 where it
+    /// never does.
+    pub median: Vec<f32>,
+    /// Sum of the blend weights of splats nearer than 0.98 times the known depth; 0 where none is known.
+    pub front: Vec<f32>,
+    /// The same of splats farther than 1.02 times the known depth.
+    pub behind: Vec<f32>,
+}
+
+impl DepthProbe {
+    /// From rows of (median depth, front, behind, final transmittance).
+    pub(super) fn new(width: u32, height: u32, rows: &[f32]) -> Self {
+        let column = |k: usize| rows.chunks_exact(4).map(|row| row[k]).collect();
+        Self { width, height, median: column(0), front: column(1), behind: column(2) }
+    }
+}
+
 impl Picture {
     /// 8-bit RGB, rounded to nearest.
     pub fn rgb8(&self) -> Vec<u8> {

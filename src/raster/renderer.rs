@@ -18,7 +18,7 @@ use super::tiles::{Capacities, FrameLists, SPLAT_ENTRIES, TileListInputs, TileLi
 use super::variants::{GradientSum, Variants};
 use crate::pass::camera::{CameraPush, Projection, clamp_limits};
 use crate::pass::plan::{self, Entry};
-use crate::pass::{alpha_min, blend_forward, constrain, counters, project};
+use crate::pass::{alpha_min, blend_forward, constrain, counters, depth_probe, project};
 use crate::scene::Camera;
 use crate::scene::tile::TileGrid;
 use crate::vk::{self, Buffer, BufferRange, Gpu, Groups, Memory, Pipeline, Recorder, slices};
@@ -264,6 +264,30 @@ impl Renderer {
         let channels = self.channels(view, false)?;
         self.record_lists(recorder, model, view, &channels, None)
             .and_then(|lists| self.record_blend(recorder, &blend, &lists, view, target, weights))
+    }
+
+    /// Writes (median depth, weight in front, weight behind, final transmittance) of each pixel of a picture of `model`
+    /// to `probe`, rows of four floats, as [`depth_probe`] has them. `known` has a depth in scene units for each pixel,
+    /// 0 where none is known.
+    pub fn record_probe(
+        &self,
+        recorder: &mut Recorder,
+        model: &Planes,
+        view: &RenderView,
+        known: Option<&Buffer>,
+        probe: &Buffer,
+    ) -> Result<(), vk::Error> {
+        let (width, height) = (view.camera.width, view.camera.height);
+        let given = [("KNOWN", u32::from(known.is_some())), alpha_min::constant(view.projection.alpha_cutoff)];
+        let pipeline = self.gpu.pipeline(&depth_probe::PASS.kernel, &given)?;
+        let channels = self.channels(view, false)?;
+        let lists = self.record_lists(recorder, model, view, &channels, None)?;
+        // Without known depths another buffer stands for them, and is not read.
+        let [splat2d, known, probe] = slices([&self.splat2d, known.unwrap_or(&self.no_weights), probe]);
+        let buffers = [splat2d, lists.sorted_splats, lists.tile_ranges, known, probe];
+        let push = depth_probe::Push { width, height, side: self.variants.tile.size() };
+        let groups = Groups::Workgroups(u64::from(depth_probe::groups(width, height)));
+        recorder.dispatch(&pipeline, &buffers, &push, groups)
     }
 
     /// Like [`Self::record_forward`]. With `constrained`, the identities of the model's splats, renders only splats

@@ -7,7 +7,7 @@ use super::scratch_buffers::{ScratchBuffers, ScratchLayout, parts, words};
 use super::sort::{KeyCount, RadixSort, SortShape, Unsorted};
 use crate::pass::plan::{self, Entry, NO_COUNTER};
 use crate::pass::turns::per_turn;
-use crate::pass::{alpha_min, compact, counters, emit, gather_counts, slot_sum, tile_ranges};
+use crate::pass::{alpha_min, compact, counters, emit, slot_sum, tile_ranges};
 use crate::scene::tile::TileGrid;
 use crate::vk::{Buffer, BufferRange, BufferSlice, Error, Gpu, Groups, Memory, Pipeline, Recorder, Result};
 
@@ -171,7 +171,7 @@ impl TileLists {
             depth_bits: DEPTH_BITS,
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
             compact: gpu.pipeline(&compact::PASS.kernel, &[])?,
-            gather_counts: gpu.pipeline(&gather_counts::PASS.kernel, &[])?,
+            gather_counts: gpu.pipeline(&compact::GATHER_COUNTS.kernel, &[])?,
             emit: gpu.pipeline(&pass_select::emission(gpu).kernel, &emission)?,
             emission,
             ranges: gpu.pipeline(&tile_ranges::PASS.kernel, &[carried])?,

@@ -1,7 +1,7 @@
 //! Renders of a model, outside of training.
 
 use super::live::LiveModel;
-use super::picture::Picture;
+use super::picture::{DepthProbe, Picture};
 use super::planes::Planes;
 use super::planes::ShStorage;
 use super::renderer::{RenderView, Renderer};
@@ -175,15 +175,56 @@ impl Viewer {
     /// Raises `weights` (`splats` floats, one per splat) to the splat's largest blending weight, alpha times
     /// transmittance, in any pixel of the render. Waits.
     pub fn weigh(&mut self, model: &Planes, splats: u32, view: &RenderView, weights: &Buffer) -> Result<(), vk::Error> {
+        self.until_it_fits(model, splats, view, |recorder, renderer, target| {
+            renderer.record_weights(recorder, model, view, target, weights)
+        })
+    }
+
+    /// Depths at the pixels of a render of the first `splats` splats of `model`, and the weights in front of and behind
+    /// `known` depths: one in scene units for each pixel, 0 where none is known. Waits.
+    pub fn probe(
+        &mut self,
+        model: &Planes,
+        splats: u32,
+        view: &RenderView,
+        known: Option<&[f32]>,
+    ) -> Result<DepthProbe, vk::Error> {
+        let (width, height) = (view.camera.width, view.camera.height);
+        let pixels = width as usize * height as usize;
+        let rows = self.gpu.buffer("probe", 16 * pixels.max(1) as u64, Memory::Device)?;
+        let known = match known {
+            Some(known) => {
+                let mut depths: Vec<f32> = known.iter().map(|z| if z.is_finite() { *z } else { 0.0 }).collect();
+                depths.resize(pixels.max(1), 0.0);
+                let buffer = self.gpu.buffer("known_depths", 4 * depths.len() as u64, Memory::Device)?;
+                self.gpu.write(&buffer, &depths)?;
+                Some(buffer)
+            }
+            None => None,
+        };
+        self.until_it_fits(model, splats, view, |recorder, renderer, _| {
+            renderer.record_probe(recorder, model, view, known.as_ref(), &rows)
+        })?;
+        Ok(DepthProbe::new(width, height, &self.gpu.read_at(&rows, 0, 4 * pixels)?))
+    }
+
+    /// Submits what `record` records, until there is room for the (splat, tile) pairs of the render. Waits.
+    fn until_it_fits(
+        &mut self,
+        model: &Planes,
+        splats: u32,
+        view: &RenderView,
+        mut record: impl FnMut(&mut Recorder, &Renderer, &Target) -> Result<(), vk::Error>,
+    ) -> Result<(), vk::Error> {
         let (width, height) = (view.camera.width, view.camera.height);
         loop {
             self.reserve(splats, width, height)?;
-            let mut recorder = self.gpu.recorder("weights")?;
+            let mut recorder = self.gpu.recorder("weights and depths")?;
             let (renderer, target) = self.ready(width * height)?;
             let mut words = [0u32; counters::COUNT];
             (words[counters::SPLATS], words[counters::PLAIN]) = (splats, model.plain(splats));
             recorder.upload(&renderer.counters, 0, bytemuck::cast_slice(&words))?;
-            renderer.record_weights(&mut recorder, model, view, target, weights)?;
+            record(&mut recorder, renderer, target)?;
             let counters = renderer.counters.clone();
             recorder.submit()?;
             let words: Vec<u32> = self.gpu.read_at(&counters, 0, counters::COUNT)?;

@@ -1,8 +1,8 @@
-//! Twin of `glsl/plan.comp`.
+//! Twins of `glsl/plan.comp` and `glsl/finish.comp`, which begin and end an event.
 
 use super::TwinCall;
-use crate::pass::counters;
 use crate::pass::plan::{MOST_ENTRIES, MOST_ON_AXIS, NO_COUNTER, Push};
+use crate::pass::{counters, finish};
 
 /// `ceil(count / divide) * multiply`.
 pub fn table_size(count: u32, divide: u32, multiply: u32) -> u32 {
@@ -50,11 +50,30 @@ pub fn plan(push: &Push, counts: &mut [u32], args: &mut [[u32; 4]]) {
     }
 }
 
-/// Adapter over raw buffers.
+/// Adapter over raw buffers: `plan`.
 pub fn run(call: &mut TwinCall<'_>) {
     let mut counts = call.get::<u32>(0);
     let mut args = call.get::<[u32; 4]>(1);
     plan(&call.push(), &mut counts, &mut args);
     call.set(0, &counts);
     call.set(1, &args);
+}
+
+/// Adapter over raw buffers: `finish`.
+pub fn run_finish(call: &mut TwinCall<'_>) {
+    let push: finish::Push = call.push();
+    let mut counts = call.get::<u32>(0);
+    if counts[counters::STATUS] == 0 {
+        counts[counters::DONE] = push.event;
+        if push.constrain != 0 {
+            counts[counters::CONSTRAINED] = counts[counters::NEXT_ID];
+        }
+        if push.caught_up != finish::NOT_CAUGHT_UP {
+            counts[counters::CAUGHT_UP] = push.caught_up;
+        }
+    }
+    let loss = call.get::<u32>(1);
+    call.set(2, &[&counts[..counters::COUNT], &loss[..3]].concat());
+    counts[counters::BAD_SPLATS] = 0;
+    call.set(0, &counts);
 }

@@ -1,7 +1,7 @@
-//! Twin of `glsl/slot_sum.comp`.
+//! Twins of the sums of rows that other passes leave: `glsl/slot_sum.comp` and `glsl/part_sum.comp`.
 
 use super::{Real, TwinCall};
-use crate::pass::{counters, slot_sum};
+use crate::pass::{counters, part_sum, slot_sum};
 
 /// Sums of rows of `N` columns: for each listed splat the rows `offsets[splat] .. offsets[splat] + counts[splat]`,
 /// first to last, each with its splat.
@@ -42,4 +42,23 @@ pub fn run(call: &mut TwinCall<'_>) {
         }
         call.set(7, &normals);
     }
+}
+
+/// The sum of rows in the device's order: 64 sums of every 64th row, then their sum.
+pub fn sum_of_parts<R: Real>(parts: &[[R; 4]]) -> [R; 4] {
+    let add = |sum: [R; 4], row: [R; 4]| -> [R; 4] { std::array::from_fn(|k| sum[k] + row[k]) };
+    let zero = [R::zero(); 4];
+    (0..64).fold(zero, |sum, first| add(sum, parts.iter().skip(first).step_by(64).fold(zero, |s, row| add(s, *row))))
+}
+
+/// Adapter over raw buffers: `part_sum`.
+pub fn run_part_sum(call: &mut TwinCall<'_>) {
+    let push: part_sum::Push = call.push();
+    if call.groups == 0 {
+        return;
+    }
+    let parts = call.get::<[f32; 4]>(0);
+    let mut sums = call.get::<[f32; 4]>(1);
+    sums[push.slot as usize] = sum_of_parts(&parts[..push.count as usize]);
+    call.set(1, &sums);
 }

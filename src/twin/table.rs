@@ -3,10 +3,10 @@
 use super::{
     TwinCall, adam, blend_backward, blend_forward, compact, constrain, convolution, crop, densify_axes,
     densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means, densify_order,
-    densify_sample, densify_scores, densify_stats, densify_views, emit, exposure, feature_distance, fill, finish,
-    gather_counts, geometry, gradient_map, loss, opacity_reset, part_sum, photograph_reduce, plan, pool, probe,
-    project, project_backward, project_backward_adam, project_backward_adam_packed, radix, saliency_plane, scan,
-    slot_sum, stereo, subgroup_probe, tile_ranges,
+    densify_sample, densify_scores, densify_stats, densify_views, depth_probe, emit, exposure, feature_distance, fill,
+    geometry, gradient_map, loss, opacity_reset, photograph_reduce, plan, pool, probe, project, project_backward,
+    project_backward_adam, project_backward_adam_packed, radix, saliency_plane, scan, slot_sum, stereo, subgroup_probe,
+    tile_ranges,
 };
 use crate::pass::{self, Pass};
 
@@ -14,7 +14,7 @@ use crate::pass::{self, Pass};
 pub type TwinFn = fn(&mut TwinCall<'_>);
 
 /// Every pass with its twin, in the order of [`pass::ALL`].
-pub const TABLE: [(&Pass, TwinFn); 103] = [
+pub const TABLE: [(&Pass, TwinFn); 104] = [
     (&pass::adam::PASS, adam::run),
     (&pass::blend_backward::COLUMN_ATOMIC, blend_backward::run_column_sums),
     (&pass::blend_backward::COLUMN_CAS, blend_backward::run_column_sums),
@@ -28,6 +28,7 @@ pub const TABLE: [(&Pass, TwinFn); 103] = [
     (&pass::blend_forward::COLUMN, blend_forward::run_column),
     (&pass::blend_forward::COLUMN_EMULATED, blend_forward::run_column),
     (&pass::blend_forward::PIXEL, blend_forward::run_pixel),
+    (&pass::compact::GATHER_COUNTS, compact::run_gather_counts),
     (&pass::compact::PASS, compact::run),
     (&pass::constrain::ADD, constrain::run_add),
     (&pass::constrain::KEEP, constrain::run_keep),
@@ -50,6 +51,7 @@ pub const TABLE: [(&Pass, TwinFn); 103] = [
     (&pass::densify_scores::PASS, densify_scores::run),
     (&pass::densify_stats::PASS, densify_stats::run),
     (&pass::densify_views::PASS, densify_views::run),
+    (&pass::depth_probe::PASS, depth_probe::run),
     (&pass::emit::PASS, emit::run),
     (&pass::emit::TOGETHER, emit::run),
     (&pass::emit::TOGETHER_EMULATED, emit::run),
@@ -59,8 +61,7 @@ pub const TABLE: [(&Pass, TwinFn); 103] = [
     (&pass::feature_distance::PASS, feature_distance::run),
     (&pass::feature_distance::SUM, feature_distance::run_sum),
     (&pass::fill::PASS, fill::run),
-    (&pass::finish::PASS, finish::run),
-    (&pass::gather_counts::PASS, gather_counts::run),
+    (&pass::finish::PASS, plan::run_finish),
     (&pass::geometry::DEPTH, geometry::run_depth),
     (&pass::geometry::GRAD, geometry::run_grad),
     (&pass::gradient_map::GRAD, gradient_map::run_grad),
@@ -75,7 +76,7 @@ pub const TABLE: [(&Pass, TwinFn); 103] = [
     (&pass::loss::SUM, loss::run_sum),
     (&pass::opacity_reset::PASS, opacity_reset::run),
     (&pass::photograph_reduce::PASS, photograph_reduce::run),
-    (&pass::part_sum::PASS, part_sum::run),
+    (&pass::part_sum::PASS, slot_sum::run_part_sum),
     (&pass::plan::PASS, plan::run),
     (&pass::pool::BACKWARD, pool::run_backward),
     (&pass::pool::FORWARD, pool::run),

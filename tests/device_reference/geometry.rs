@@ -8,9 +8,9 @@ use psrgs_vk::raster::{self, GradientSum, Planes, Renderer, Size, Target, TileSh
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::geometry::Scene;
 use psrgs_vk::twin::loss::{counting, unpack};
-use psrgs_vk::twin::part_sum::part_sum;
 use psrgs_vk::twin::place;
 use psrgs_vk::twin::reference::{self, ImageGradient};
+use psrgs_vk::twin::slot_sum::sum_of_parts;
 use psrgs_vk::twin::splat::Splat;
 use psrgs_vk::vk::{Gpu, Memory};
 
@@ -96,7 +96,7 @@ fn wanted(case: &Case, known: &Known, weights: &GeometryWeights) -> ([f64; 4], [
         mask: Some(place::Mask { bytes: &known.mask, size: [MASK.0 as usize, MASK.1 as usize] }),
     };
     let (map, counted): (Vec<_>, Vec<_>) = (0..pixels).map(|k| scene.depth_row(k)).unzip();
-    let totals = part_sum(&counted);
+    let totals = sum_of_parts(&counted);
     let mut upstream = ImageGradient::zeros(pixels);
     let mut terms = [0.0; 4];
     for k in 0..pixels {

@@ -1,6 +1,6 @@
 //! `compact` and `gather_counts`: none, some and all visible, around workgroup edges.
 
-use psrgs_vk::pass::{compact, counters, gather_counts};
+use psrgs_vk::pass::{compact, counters};
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::scan::exclusive;
 use psrgs_vk::vk::Gpu;
@@ -35,7 +35,7 @@ pub fn run(gpu: &Gpu) {
 
             let order: Vec<u32> = listed.iter().rev().copied().chain([u32::MAX; 4]).collect();
             let buffers = [bytes(&order), bytes(&tile_counts), bytes(&counts), garbage(n + 4)];
-            let outcome = harness::run(gpu, &gather_counts::PASS, &[], &buffers, &(), groups);
+            let outcome = harness::run(gpu, &compact::GATHER_COUNTS, &[], &buffers, &(), groups);
             outcome.assert_same_bits(&format!("gather_counts of {visible}"));
         }
     }

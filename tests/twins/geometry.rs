@@ -6,8 +6,8 @@ use psrgs_vk::pass::part_sum;
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::geometry::{Scene, prior_normal};
 use psrgs_vk::twin::loss::{counting, unpack};
-use psrgs_vk::twin::part_sum::part_sum as added;
 use psrgs_vk::twin::place::Mask;
+use psrgs_vk::twin::slot_sum::sum_of_parts as added;
 use psrgs_vk::vk::Gpu;
 
 use super::common::guards::Guards;

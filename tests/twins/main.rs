@@ -27,6 +27,7 @@ mod density_device;
 mod density_model;
 mod density_reference;
 mod density_twin;
+mod depth_probe;
 mod emit;
 mod exposure;
 mod feature_distance;
@@ -84,6 +85,7 @@ cases! {
     densify_passes: "densify_axes" "densify_classify" "densify_finish" "densify_gather" "densify_limit" "densify_map" "densify_means"
         "densify_sample" "densify_scores" "densify_stats" "opacity_reset";
     densify_views: "densify_views";
+    depth_probe: "depth_probe";
     emit: "emit" "emit_together_emulated" "emit_together_subgroup";
     exposure: "exposure_apply" "exposure_backward" "exposure_step";
     feature_distance: "feature_distance" "distance_sum";
@@ -161,6 +163,7 @@ fn addresses_of_more_passes_lie_in_their_buffers() {
         densify_order::run,
         densify_passes::run,
         densify_views::run,
+        depth_probe::run,
         emit::run,
         feature_distance::run,
         geometry::run,
