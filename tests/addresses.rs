@@ -1,5 +1,5 @@
-//! Buffers that no descriptor covers: kernels reach them by address, to the same bits,
-//! and where they cannot it is said.
+//! Buffers that no descriptor covers. Kernels reach them by address, with the same bits as through descriptors. A
+//! device that cannot do so reports an error.
 
 mod common;
 
@@ -9,10 +9,10 @@ use psrgs_vk::raster::{GradientSum, TileShape, Variants, most_pairs, most_splats
 use psrgs_vk::train::{self, Message, Pacing, Residency, Settings, State, Trainer};
 use psrgs_vk::vk::{Addresses, Error, Gpu, Groups, Memory, OpenOptions};
 
-/// Bytes that one descriptor covers in these tests.
+/// Bytes that one descriptor covers in the tests below.
 const RANGE: u64 = 64 << 10;
 
-/// A device opened with these options, unless it cannot do by address at all.
+/// A device with changed options; `None` where the device has no buffer addresses.
 fn gpu(change: impl FnOnce(&mut OpenOptions)) -> Option<Gpu> {
     let gpu = common::gpu_with(change)?;
     if gpu.caps().addresses == Addresses::Never {
@@ -32,7 +32,7 @@ fn only_what_no_descriptor_covers_goes_by_address() {
     let mut rec = gpu.recorder("fill").unwrap();
     let all = Groups::Items(u64::from(words));
     rec.dispatch(&pipeline, &[&buffer], &fill::Push { count: words, value: 7 }, all).unwrap();
-    // Two parts of it through descriptors, in order with the whole: the barriers do not depend on the form.
+    // Two parts of the buffer through descriptors, between uses of the whole: barriers do not depend on the form.
     for (from, value) in [(0, 8), (RANGE, 9)] {
         let push = fill::Push { count: 64, value };
         rec.dispatch(&pipeline, &[buffer.slice(from..from + 256)], &push, Groups::Items(64)).unwrap();
@@ -41,7 +41,7 @@ fn only_what_no_descriptor_covers_goes_by_address() {
     rec.submit().unwrap();
     let after = gpu.stats();
     assert_eq!((after.dispatches - before.dispatches, after.by_address - before.by_address), (3, 1));
-    assert!(after.barriers > before.barriers, "none between the whole and its parts");
+    assert!(after.barriers > before.barriers, "no barrier between the buffer and its parts");
     let found: Vec<u32> = gpu.read(&buffer).unwrap();
     let start = RANGE as usize / 4;
     for (i, word) in found.iter().enumerate() {
@@ -80,7 +80,7 @@ fn a_slice_by_address_begins_where_it_should() {
     common::assert_no_messages(&gpu);
 }
 
-/// Beyond a descriptor's range rows are still read as texels where the device does that, in a variant of its own.
+/// Beyond a descriptor's range, a variant of its own reads rows as texels where the device supports texel buffers.
 #[test]
 fn rows_beyond_a_descriptor_are_read_as_texels() {
     use psrgs_vk::pass::{ALL, slot_sum};
@@ -91,7 +91,7 @@ fn rows_beyond_a_descriptor_are_read_as_texels() {
     }
     let views = slot_sum::PASS.kernel.spirv.texels_by_address.expect("its rows are only read").views;
     assert!(views.iter().all(|view| view.at >= 64 && u64::from(view.binding) + 64 == u64::from(view.at)));
-    // A kernel that writes rows which it reads has no such variant.
+    // A kernel that writes the rows that it reads has no texel variant.
     let written = |name: &str| ALL.iter().find(|pass| pass.kernel.name == name).expect("a pass").kernel.spirv;
     let fused = written("project_backward_adam");
     assert!(fused.texels.is_some() && fused.texels_by_address.is_none());
@@ -167,7 +167,7 @@ fn assert_same(a: &State, b: &State) {
     assert_eq!(bits(&a.stats), bits(&b.stats));
 }
 
-/// Small at first, so that it grows across the range while it runs.
+/// Small capacities: buffers grow past the range of a descriptor during the run.
 const SMALL: Pacing = Pacing {
     events_in_flight: 4,
     splat_capacity: 320,
@@ -210,11 +210,11 @@ fn pairs_beyond_the_slots_use_atomics_unless_forbidden() {
     quick.blending.tile_shape = Some(TileShape::Column);
     quick.density.max_splats = Some(1000);
     let (state, told, variants) = train(&gpu, &quick, Pacing::default()).unwrap();
-    assert_ne!(variants.gradients, GradientSum::Slots, "more than {most} pairs went into slots");
+    assert_ne!(variants.gradients, GradientSum::Slots, "slots were used for more than {most} pairs");
     assert!(told.grown.contains(&"pairs"));
     assert!(told.losses.len() == 30 && told.losses.iter().all(|loss| f32::from_bits(*loss).is_finite()));
     assert!(state.ids.len() > 100);
-    // Sums by atomics are not repeatable, so a deterministic run says what does not fit.
+    // Sums by atomics are not repeatable, so a deterministic run reports what does not fit.
     quick.run.deterministic = true;
     match train(&gpu, &quick, Pacing::default()) {
         Err(train::Error::TooMany { what, wanted, limit, .. }) => {

@@ -1,4 +1,4 @@
-//! Benchmarks report what is live and refuse what is not.
+//! Benchmarks report live scenes and refuse dead ones.
 
 mod common;
 
@@ -29,16 +29,16 @@ fn measure(gpu: &Gpu, input: Input) -> Result<Report, Error> {
     bench::measure(gpu, input, &settings(), &options(5, 7))
 }
 
-/// What must hold of every report.
+/// Checks that hold for every report.
 fn assert_live(report: &Report) {
     let w = &report.workload;
     assert!(w.visible > 0.0 && w.visible <= f64::from(w.splats) && w.pairs >= w.visible, "{w:?}");
     let p = w.splats_per_pixel.expect("few enough to count");
     assert!(p.forward_blended > 0.0 && p.forward_evaluated >= p.forward_blended, "{p:?}");
     assert!(p.backward_blended > 0.0 && p.backward_evaluated >= p.backward_blended, "{p:?}");
-    // Every splat that was blended gets a gradient, and the backward begins at the last of them.
+    // Every blended splat gets a gradient, and the backward pass begins at the last blended splat.
     assert_eq!(p.forward_blended, p.backward_blended);
-    // In pixel tiles each pass leaves out what does not show in its own blocks of pixels, or nothing.
+    // In pixel tiles each pass leaves out splats that do not show in its own blocks of pixels.
     let culled = report.variants.tile == TileShape::Pixel;
     assert!(culled || p.backward_evaluated <= p.forward_evaluated, "{p:?}");
     assert!(report.loss.last_pass < report.loss.first_pass);
@@ -72,8 +72,8 @@ fn assert_live(report: &Report) {
         assert_eq!(row.over_floor, floors.larger().map(|floor| row.ms.median / floor), "{name}");
     }
     let blend = |name: &str| report.passes.iter().find(|p| p.pass.starts_with(name)).expect("a blending pass");
-    // Operations for every evaluation beside its exponential, and more where it is blended. Which of the two floors is
-    // the larger depends on the rates, which a busy machine measures as it likes.
+    // Operations per evaluation beside the exponential, and more per blended splat. Which of the two floors is larger
+    // depends on the measured rates, which scatter on a busy machine.
     let floor = |evaluated: f64, blended: f64, each: f64, more: f64| {
         1e-6 * w.pixels
             * ((each * evaluated + more * blended) / report.rates.gops_per_s + evaluated / report.rates.gexp2_per_s)
@@ -84,7 +84,7 @@ fn assert_live(report: &Report) {
     assert!(close(blend("blend_backward").floors.arithmetic_ms.expect("a floor"), backward));
     let host = &report.per_step;
     let dispatches: f64 = report.passes.iter().map(|p| p.calls).sum::<f64>() - transfers;
-    assert_eq!((host.dispatches, host.transfers), (dispatches, transfers), "what is timed is what is submitted");
+    assert_eq!((host.dispatches, host.transfers), (dispatches, transfers), "timed are other commands than submitted");
     assert_eq!((host.submits, host.host_waits, host.pacing_waits), (1.0, 0.0, 1.0));
     assert!(host.barriers > 0.0 && host.buffer_barriers >= host.barriers);
 }
@@ -122,7 +122,7 @@ fn the_optimiser_falls_back_to_gradients_in_memory() {
 fn few_views_are_spread_over_all() {
     let Some(gpu) = common::gpu() else { return };
     let mut input = plane_scene::input(20, 40, 30, 200);
-    // Views of which none or the same would be taken are of other sizes than those expected.
+    // Only the views that are expected to be taken have this size.
     let large = |i: usize| [2, 4, 7, 9, 12, 14, 17, 19].contains(&i);
     let small = plane_scene::input(20, 20, 15, 0).train;
     for (i, view) in input.train.iter_mut().enumerate().filter(|(i, _)| !large(*i)) {
@@ -136,7 +136,7 @@ fn few_views_are_spread_over_all() {
 fn steps_before_a_buffer_grows_are_not_measured() {
     let Some(gpu) = common::gpu() else { return };
     let mut input = plane_scene::input(4, 64, 48, 300);
-    // Every splat on every one of 48 tiles: more than the eight pairs per splat that are allotted at first.
+    // Every splat lies on all 48 tiles: more than the eight pairs per splat of the first allocation.
     input.initial.scales.fill(1.0);
     let report = measure(&gpu, input).expect("live");
     assert!(report.workload.pairs > 8.0 * 300.0, "{} pairs", report.workload.pairs);
@@ -274,15 +274,15 @@ fn commands_of_a_step_say_what_they_wait_for() {
             let Some(after) = wait.after else { continue };
             let other = &listed[after];
             assert!(after < i && (other.writes.contains(&wait.buffer) || mine(&command.writes)), "{i}: {command:?}");
-            // Somewhere between the two there is a barrier.
+            // A barrier stands between the two commands.
             assert!(listed[after + 1..=i].iter().any(|between| between.barrier), "{i}: {command:?}");
         }
     }
     let waiting = listed.iter().filter(|command| !command.waits.is_empty()).count();
     assert!(barriers > 10 && barriers <= waiting, "{barriers} barriers for {waiting} commands that wait");
-    // Each pass of the tile lists is there.
+    // Each pass of the tile lists is listed.
     for pass in ["project", "compact", "emit", "tile_ranges", "finish"] {
-        // Some have a pass per variant.
+        // Some passes have a name per variant.
         let is = |name: &str| {
             name == pass
                 || pass == "emit" && name.starts_with("emit_together")

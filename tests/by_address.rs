@@ -1,4 +1,4 @@
-//! How `build.rs` makes the forms of a shader in which buffers are reached by address, and rows read as texels.
+//! How `build.rs` makes the forms of a shader that reach buffers by address and read rows as texels.
 
 // Nothing of a test binary is reachable from outside.
 #![allow(unreachable_pub)]
@@ -51,7 +51,7 @@ Sums sums_reference = Sums(address_table[12]);
     for line in SHADER.lines().filter(|line| !declared(line)) {
         assert!(lines.any(|l| l == line), "{line} is missing or out of order:\n{found}");
     }
-    // The table is declared before its first use, once for the preprocessor.
+    // The table of addresses is declared before its first use.
     let table = found.find("{ uvec2 address_table[]; }").unwrap();
     assert!(table < found.find("address_table[3]").unwrap());
 }
@@ -109,7 +109,7 @@ layout(set = 0, binding = 5) readonly buffer Other { float other[]; };
     let found = by_texels::rewrite("a.comp", text, &threes, &mut views).unwrap();
     let views: Vec<_> = views.iter().map(|v| (v.binding, v.at, v.format)).collect();
     assert_eq!(views, [(0, 0, "Float4"), (1, 65, "Float3"), (2, 66, "Uint4")]);
-    // What is only read has no other descriptor; what is written keeps its own; the rest stays.
+    // Buffers that are only read have no other descriptor. Written buffers keep theirs. The rest stays.
     assert!(found.contains("layout(set = 0, binding = 0) uniform samplerBuffer rows_texels;\n#line 3"), "{found}");
     assert!(!found.contains("buffer Rows"), "{found}");
     for line in text.lines().skip(2) {
@@ -144,7 +144,7 @@ layout(set = 0, binding = 3) writeonly buffer Out { vec4 results[]; };
     let mut views = Some(Vec::new());
     let written = text.replace("readonly buffer Rows", "buffer Rows");
     by_address::rewrite_with_texels("a.comp", &written, &[], &mut views).unwrap();
-    assert!(views.is_none(), "rows that are written too");
+    assert!(views.is_none(), "written rows became texels");
 }
 
 #[test]
@@ -162,7 +162,7 @@ fn marked_loops_are_written_out_where_arithmetic_is_precise() {
         inner(2)
     );
     assert_eq!(found, want);
-    // What need not, cannot, or must not be written out stays.
+    // Loops that need not, cannot or must not be written out stay.
     let imprecise = shader.replace("precise", "");
     assert_eq!(unroll::rewrite(&imprecise), imprecise);
     for left in [

@@ -44,7 +44,7 @@ fn write(folder: &Path, name: &str, text: &str) -> String {
     path.to_str().expect("UTF-8").to_owned()
 }
 
-/// Names come from strangers: what a terminal obeys in them is spelled.
+/// File names come from strangers: control characters in them are escaped.
 #[cfg(unix)]
 #[test]
 fn names_with_escape_sequences_are_spelled_in_messages() {
@@ -59,7 +59,7 @@ fn names_with_escape_sequences_are_spelled_in_messages() {
     ] {
         let output = Command::new(env!("CARGO_BIN_EXE_psrgs-vk")).args(args).output().expect("a process");
         let said = String::from_utf8(output.stderr).expect("text");
-        // Of wrong values the parser of arguments takes such sequences out itself.
+        // The parser of arguments strips escape sequences from wrong values.
         assert!(said.contains("\\u202egpj\\u000d"), "{said}");
         assert!(args[1] == "x" || said.contains("\\u001b]0;title\\u0007"), "{said}");
         assert!(!said.contains(['\u{1b}', '\u{7}', '\u{202e}', '\r']), "{said:?}");
@@ -176,7 +176,7 @@ fn whoever_says_how_many_splats_stereo_begins_with_has_so_many() {
     assert_eq!(chosen(&["--method", "3dgs"]), (0, 0, 0));
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = write(folder.path(), "run.toml", "[geometry]\nstereo-splats = 30000\nstereo-density = 12500\n");
-    assert_eq!(chosen(&["--config", &file]), (30_000, 12_500, 0), "a file of a build that went by no size");
+    assert_eq!(chosen(&["--config", &file]), (30_000, 12_500, 0), "a file of a build without densities by size");
     assert_eq!(chosen(&["--config", &file, "--stereo-splats", "60000"]), (60_000, 0, 0));
     let whole =
         "[geometry]\nstereo-splats = 30000\nstereo-density = 12500\nstereo-densest = 20000\nstereo-splats-for = 320\n";
@@ -207,7 +207,7 @@ fn presets_are_written_out_and_named_options_win_over_them() {
     assert_eq!(chosen(&["--preset", "quick", "--max-side", "320", "--scale-schedule=false"]), (320, 2000, false));
     assert_eq!(chosen(&["--preset", "quick", "--iterations", "700"]), (640, 700, true));
     fails(&["train", "fox", "--preset", "slow"], 2, &["quick, standard or full"]);
-    // What nobody asked for depends on the device; with size and steps named it changes nothing.
+    // Without `--preset`, the device decides the preset. With size and steps named, the device changes nothing.
     assert_eq!(chosen(&["--max-side", "1234", "--iterations", "30000"]), (1234, 30_000, false));
     let kind = psrgs_vk::vk::device_kind(None).ok();
     let quick = kind == Some(psrgs_vk::vk::DeviceKind::Cpu);
@@ -216,9 +216,9 @@ fn presets_are_written_out_and_named_options_win_over_them() {
     assert_eq!(
         chosen(&["--method", "3dgs", "--iterations", "7000"]),
         (side, 7000, false),
-        "the middle of the publication's"
+        "3dgs does not scale its schedule"
     );
-    // A scaled schedule ends: growth, pruning and the skirt have their steps.
+    // A scaled schedule still has steps for growth, pruning and the skirt.
     for method in ["lean", "psrgs", "psrgs-paper"] {
         assert_eq!(chosen(&["--method", method, "--iterations", "7000"]), (side, 7000, true), "{method}");
         assert_eq!(chosen(&["--method", method, "--iterations", "30000"]), (side, 30_000, false), "{method}");
@@ -235,7 +235,7 @@ fn a_settings_file_is_complete_and_a_preset_option_overrides_it() {
         let file = write(folder.path(), "my.toml", text);
         size_and_steps(&settings(&[&["fox", "--config", &file], args].concat()))
     };
-    // Without a preset in it, what it lacks has its default, whatever the device is.
+    // Without a preset in the file, missing settings have their defaults on every device.
     assert_eq!(chosen("[run]\nseed = 3\n", &[]), (1600, 30_000, false));
     assert_eq!(chosen("[run]\npreset = \"quick\"\n", &[]), (640, 2000, true));
     let own = "[run]\npreset = \"quick\"\niterations = 900\n[photographs]\nmax-side = 500\n";

@@ -1,5 +1,4 @@
-//! The commands end to end on a tiny made-up scene: train, stop, resume, repeat, render, eval,
-//! and data that cannot be used.
+//! The commands end to end on a tiny made-up scene: train, stop, resume, repeat, render, eval; and unusable data.
 
 // Nothing of a test binary is reachable from outside.
 #![allow(unreachable_pub)]

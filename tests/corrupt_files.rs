@@ -1,4 +1,4 @@
-//! Truncated, damaged and foreign files for every reader: an error that names the file and the place, never a panic.
+//! Truncated, damaged and foreign files for every reader: an error with file and place, never a panic.
 
 #[path = "corrupt_files/claims.rs"]
 mod claims;
@@ -19,7 +19,7 @@ use psrgs_vk::scene::{Frame, Gaussians};
 use psrgs_vk::train::cloud;
 use psrgs_vk::world::{self, LidarParams, World, WorldParams};
 
-/// Says the file's name and a place in it.
+/// Whether the message has the file's name and a place in the file.
 fn names_the_place(message: &str, file: &Path) -> bool {
     let name = file.file_name().and_then(|n| n.to_str()).expect("name");
     message.contains(name) && (message.contains(" at byte ") || message.contains(" at line "))
@@ -44,7 +44,7 @@ fn truncated_everywhere<T>(file: &Path, read: impl Fn() -> Result<T, String>) {
     replace(file, whole);
 }
 
-/// Bytes replaced one at a time, by several values each: whatever comes of it, no panic. Gives how many were refused.
+/// Each byte replaced by several values in turn: no panic. Gives the number of damaged files that were refused.
 fn damaged_everywhere<T>(file: &Path, read: impl Fn() -> Result<T, String>) -> usize {
     let whole = fs::read(file).expect("file");
     let step = (whole.len() / 500).max(1);
@@ -129,12 +129,11 @@ fn colmap_text() {
         for length in 0..bytes.len() {
             replace(&file, &bytes[..length]);
             match load(root.path()) {
-                // Without its last line end, or a digit of its last number, a text is whole;
-                // so it is without what is not used.
+                // A text is whole without its last line end, a digit of its last number, or unused fields.
                 Ok(dataset) if length >= last || same(&dataset) => {}
-                // That the last name is cut is told by the photograph that is not there.
+                // A cut last name is noticed as a missing photograph.
                 Ok(dataset) if dataset.views.len() == 3 && dataset.views[2].name != "d e.png" => {}
-                // Nothing is left of the points, or the comment at the top has more of them: the warning says it.
+                // No points are left, or the comment at the top counts more points: a warning.
                 Ok(dataset) => {
                     let empty = Warning::NoPoints { file: Some(file.clone()) };
                     let fewer = |w: &Warning| matches!(w, Warning::CountDiffers { file: cut, .. } if *cut == file);
@@ -147,7 +146,7 @@ fn colmap_text() {
         replace(&file, &bytes);
         damaged_everywhere(&file, || load(root.path()));
     }
-    // Not written by COLMAP: no comments, no end of the last line, no last line of keypoints.
+    // Not as COLMAP writes them: no comments, no end of the last line, no last line of keypoints.
     for (name, bytes) in folder.text() {
         let text = String::from_utf8(bytes).expect("text");
         let lines: Vec<&str> = text.lines().filter(|l| !l.starts_with('#')).collect();
@@ -196,7 +195,7 @@ fn photographs() {
         let dataset = Dataset::load(root.path(), &LoadOptions::default()).map_err(|e| e.to_string())?;
         dataset.photographs(Role::Train).map_err(|e| e.to_string())
     };
-    // A PNG ends in a chunk that holds nothing: decoders may do without it.
+    // A PNG ends in an empty chunk, which decoders may ignore.
     let whole = fs::read(&file).expect("photograph");
     let end = whole.windows(4).position(|w| w == b"IEND").expect("end") - 4;
     for length in 0..end {
@@ -224,7 +223,7 @@ fn jpeg_photographs() {
     for length in 0..whole.len() {
         replace(&file, &whole[..length]);
         match read() {
-            // Only the mark of the end is missing.
+            // Only the end marker is missing.
             Ok(found) => assert!(found == picture && length >= whole.len() - 2, "the first {length} bytes were read"),
             Err(message) => {
                 assert!(names_the_place(&message, &file), "{length} bytes: {message}");
@@ -299,7 +298,7 @@ fn checkpoints() {
     checkpoint.write(&file).expect("written");
     truncated_everywhere(&file, read);
     foreign(&file, read);
-    // The sums see every change of a byte.
+    // The checksums detect every changed byte.
     let whole = fs::read(&file).expect("file");
     for at in 0..whole.len() {
         for flip in [1, 0x80, 0xff] {
@@ -307,7 +306,7 @@ fn checkpoints() {
             bytes[at] ^= flip;
             replace(&file, bytes);
             match read() {
-                Ok(_) => panic!("byte {at} changed and nobody saw it"),
+                Ok(_) => panic!("the change of byte {at} was not detected"),
                 Err(message) => assert!(names_the_place(&message, &file), "{message}"),
             }
         }
@@ -357,7 +356,7 @@ fn laser_scans() {
             assert!((0..3).all(|k| (got[k] - want[k]).abs() <= 0.0005 + 1e-9), "{got:?}, {want:?}");
         }
         let whole = fs::read(file).expect("file");
-        // Some lengths of every part; the compressed file's last bytes are a table that decoding does not need.
+        // Some lengths of every part. The last bytes of the compressed file are a table that decoding does not need.
         let lengths = (0..380).chain((380..whole.len() - 60).step_by(173));
         for length in lengths {
             replace(file, &whole[..length]);
@@ -369,8 +368,8 @@ fn laser_scans() {
         replace(file, &whole);
         damaged_everywhere(file, read);
         foreign(file, || cloud::read(file).map_err(|e| e.to_string()));
-        // LAS 1.4 counts points in 8 bytes (where 4 older ones are 0) and extended records in 4;
-        // nothing is made room for.
+        // LAS 1.4 counts points in 8 bytes (where the older 4 bytes are 0) and extended records in 4. No memory is
+        // allocated for the claimed number.
         let none = (107, [0; 4].as_slice());
         let (all, many, one) = ([0xff; 8], (1_u64 << 40).to_le_bytes(), 1_u32.to_le_bytes());
         for edits in [[none, (247, &all)], [none, (247, &many)], [(235, &all), (243, &one)], [none, (243, &all)]] {
@@ -386,7 +385,7 @@ fn laser_scans() {
         }
         replace(file, &whole);
     }
-    // The table of chunks says how many there are, and each chunk how long its layers are.
+    // The table of chunks has their number, and each chunk the lengths of its layers.
     let whole = fs::read(&laz).expect("file");
     let data = u32::from_le_bytes(whole[96..100].try_into().expect("four bytes")) as usize;
     let table = u64::from_le_bytes(whole[data..data + 8].try_into().expect("eight bytes")) as usize;
@@ -399,7 +398,7 @@ fn laser_scans() {
     }
 }
 
-/// Writes the scan of a small world, and the same compressed; gives its positions.
+/// Writes the scan of a small world, uncompressed and compressed; gives its positions.
 fn scan(las: &Path, laz: &Path) -> Vec<[f64; 3]> {
     let lidar = LidarParams { density: 0.4, ..LidarParams::default() };
     let params = WorldParams { images: 1, offpath: 0, max_side: 32, lidar, ..WorldParams::default() };

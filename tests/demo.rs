@@ -1,4 +1,4 @@
-//! The demo in small, from nothing to its report; and the trained scene's depth against the known geometry.
+//! A small demo, from the empty folder to the report; and the trained scene's depth against the known geometry.
 
 #[path = "demo/lens.rs"]
 mod lens;
@@ -15,7 +15,7 @@ fn demo(out: &Path, more: &[&str]) -> Option<()> {
     psrgs(&[&["demo", "-q", "--out", text(out)], more].concat())
 }
 
-/// Runs the program; `None` as above.
+/// Runs the program; `None`, with a printed reason, where there is no Vulkan driver.
 fn psrgs(args: &[&str]) -> Option<()> {
     let output = Command::new(env!("CARGO_BIN_EXE_psrgs-vk")).args(args).output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr);
@@ -64,12 +64,11 @@ fn a_small_demo_leaves_everything_it_promises() {
     assert!(report.contains("floaters") && report.contains("PSNR off the path"));
     assert!(report.contains("view_0008.jpg"), "the report does not show the held-out view");
 
-    // Again into the same folder: that is what someone who tries an option does.
+    // A second run into the same folder works.
     demo(&out, &small).unwrap();
 }
 
-/// Relative errors of the depths of one held-out view: as rendered, and of the best flat guess (the median depth
-/// everywhere).
+/// Relative errors of the depths of a held-out view: of the render, and of the best flat guess (the median depth).
 fn depth_errors(out: &Path, view: &str) -> (Vec<f64>, Vec<f64>) {
     let rendered = read_depth(&out.join("trained/renders").join(format!("{view}.depth.exr"))).unwrap();
     let truth = read_depth(&out.join("depth").join(format!("{view}.exr"))).unwrap();
@@ -90,16 +89,15 @@ fn median(values: &[f64]) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// The focal length is 0.9 * 128 = 115 pixels and neighbouring vertical photographs are about 0.37 of the height apart,
-/// so a pixel of disparity between them is 1 / (115 * 0.37) = 2.3 % of the depth. Half of all depths are held to two
-/// such pixels. Training at this size was measured to leave 1.5 of them: the rendered depth is a mean over splats that
-/// are still half transparent. A wrong unit, axis or frame shows in the oblique views,
-/// where the flat guess is off by a fifth.
+/// The focal length is 0.9 * 128 = 115 pixels, and neighbouring vertical photographs are about 0.37 of the height
+/// apart. So a pixel of disparity is 1 / (115 * 0.37) = 2.3 % of the depth. The median error is held to two pixels of
+/// disparity. Measured at this size are 1.5 pixels: the rendered depth is a mean over splats that are still half
+/// transparent. A wrong unit, axis or frame shows in the oblique views, where the flat guess is off by a fifth.
 #[test]
 fn trained_depth_is_that_of_the_world() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("demo");
-    // As many points as there are cells to find them in, and cameras where they are: what is judged is the training.
+    // Dense points and exact poses, so that only the training is judged.
     let args =
         ["--method", "3dgs", "--images", "40", "--max-side", "128", "--iterations", "800", "--max-splats", "8000"];
     let scene =
@@ -121,6 +119,6 @@ fn trained_depth_is_that_of_the_world() {
     }
     let error = median(&all);
     println!("all: {error:.4}");
-    assert!(error < 2.0 / (115.0 * 0.37), "half of the depths are off by more than {error} of their value");
-    assert_eq!(oblique, 2, "views that look sideways");
+    assert!(error < 2.0 / (115.0 * 0.37), "the median error of the depths is {error} of the depth");
+    assert_eq!(oblique, 2, "number of oblique views");
 }

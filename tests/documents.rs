@@ -1,4 +1,4 @@
-//! What the documents promise about the tests is there.
+//! The tests, options and tables that the documents name exist.
 
 #[path = "common/skips.rs"]
 mod skips;
@@ -46,7 +46,7 @@ fn names_of_tests_have_at_most_60_letters() {
     assert!(long.is_empty(), "longer than 60 letters: {long:#?}");
 }
 
-/// How many numbered rows of a document's tables there are. The last column of each row names tests that exist.
+/// The number of numbered rows in a document's tables. Checks that the last column of each row names existing tests.
 fn rows_with_tests(document: &str) -> usize {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let tests = tests();
@@ -86,7 +86,7 @@ fn every_hard_case_and_promise_names_its_test() {
     assert!(count >= 24 + 8, "{count} hard cases and promises found");
 }
 
-/// The part of a file between `ANCHOR: name` and `ANCHOR_END: name`, without the indentation they share.
+/// The part of a file between `ANCHOR: name` and `ANCHOR_END: name`, without common indentation.
 fn anchored(text: &str, name: &str) -> Option<String> {
     let (begin, end) = (format!("// ANCHOR: {name}"), format!("// ANCHOR_END: {name}"));
     let mut lines = text.lines().skip_while(|line| line.trim() != begin).skip(1);
@@ -100,7 +100,7 @@ fn what_the_embedding_guide_quotes_is_in_the_examples() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let document = fs::read_to_string(root.join("docs/EMBEDDING.md")).unwrap();
     let mut quotes = 0;
-    // Every block of code says where it is from: `<!-- file: anchor -->` in the line before.
+    // The line before every block of code names its source: `<!-- file: anchor -->`.
     let lines: Vec<&str> = document.lines().collect();
     for (i, _) in lines.iter().enumerate().filter(|(_, line)| **line == "```rust") {
         let source = lines[i - 1].strip_prefix("<!-- ").and_then(|l| l.strip_suffix(" -->"));
@@ -119,7 +119,7 @@ fn what_the_embedding_guide_quotes_is_in_the_examples() {
     }
 }
 
-/// Whether a message is what the guide quotes of it, `...` standing for what differs.
+/// Whether a message matches a quote of the guide, in which `...` stands for any text.
 fn is_quoted(message: &str, quote: &str) -> bool {
     let mut rest = message;
     quote.split("...").all(|part| match rest.find(part.trim()) {
@@ -185,7 +185,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
     let quotes: Vec<&str> = cells.iter().flat_map(|cell| cell.split('`').skip(1).step_by(2)).collect();
     assert!(quotes.len() > 20 && !quotes.iter().any(|quote| is_quoted("nothing of the kind", quote)));
     for warning in all {
-        // Another kind of warning has to be added above, too.
+        // A new kind of warning has to be added above.
         match &warning {
             MasksLeaveOutNothing { .. } | MasksByTransparency { .. } => {}
             CamerasAtOnePlace { .. } | AllMasked { .. } | BrighterThanWhite { .. } | SeveralFormats { .. } => {}
@@ -205,7 +205,7 @@ fn the_guide_says_what_each_warning_of_a_dataset_means() {
     }
 }
 
-/// What a command says of itself; of the program without one.
+/// The help text of a command, or of the program for an empty `command`.
 fn help(command: &[&str]) -> String {
     let output = Command::new(env!("CARGO_BIN_EXE_psrgs-vk")).args(command).arg("--help").output().unwrap();
     assert!(output.status.success(), "{command:?}");
@@ -224,7 +224,7 @@ fn options_that_the_documents_name_exist() {
         .collect();
     assert!(commands.len() >= 13 && commands.contains(&"train"), "{commands:?}");
     let helps: String = commands.iter().filter(|name| **name != "help").map(|name| help(&[name])).collect();
-    // A word of this kind, up to what cannot be a part of it.
+    // The name of an option, up to the first character that cannot be a part of it.
     let option = |text: &str| -> Option<String> {
         let name: String =
             text.chars().take_while(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || *c == '-').collect();
@@ -265,7 +265,7 @@ fn options_are_those_of_the_program() {
     assert!(printed == kept, "write it anew with `psrgs-vk options > docs/OPTIONS.md`; first difference: {differs:?}");
 }
 
-/// Text of all files under a folder that end so.
+/// Texts of all files under a folder whose names end with `ending`.
 fn sources(folder: &Path, ending: &str, found: &mut Vec<(PathBuf, String)>) {
     for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
         if path.is_dir() {
@@ -277,8 +277,7 @@ fn sources(folder: &Path, ending: &str, found: &mut Vec<(PathBuf, String)>) {
     }
 }
 
-/// Cargo hides what a test prints that passes: only `tests/common/skips.rs` is heard,
-/// and can be told that nothing may be skipped.
+/// Cargo hides the output of passing tests. Only `tests/common/skips.rs` prints past cargo, and can forbid skips.
 #[test]
 fn tests_that_cannot_run_say_so_where_it_is_heard() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -1,4 +1,4 @@
-//! Gradients in f64 against finite differences: the brute-force renderer whole, and the projection's twin by columns.
+//! Gradients in f64 against finite differences: the whole brute-force renderer, and the projection's twin by columns.
 
 mod common;
 
@@ -27,7 +27,7 @@ fn difference(splat: &Splat<f64>, k: usize, h: f64, f: &mut dyn FnMut(&Splat<f64
     (0..a.len()).map(|i| (a[i] - 8.0 * b[i] + 8.0 * c[i] - d[i]) / (12.0 * h)).collect()
 }
 
-/// Weighted sum over everything an image holds.
+/// Weighted sum over all channels of an image.
 fn loss(image: &Image, g: &ImageGradient) -> f64 {
     let dot = |a: &[[f64; 3]], b: &[[f64; 3]]| -> f64 {
         a.as_flattened().iter().zip(b.as_flattened()).map(|(x, y)| x * y).sum()
@@ -104,7 +104,7 @@ fn brute_force_against_differences(settings: Settings, what: Seen, seed: u64) {
             }
         }
     }
-    // Degrees in use have gradients, the others none.
+    // Degrees in use have gradients, higher degrees have none.
     let used = ((settings.sh_degree + 1) * (settings.sh_degree + 1)) as usize;
     if let Seen::Color = what {
         for splat in &analytic.splats {
@@ -164,8 +164,8 @@ fn projection_against_differences(projection: Projection, spread: f64, seed: u64
         let splat = splats::spread(&mut random, &camera, spread);
         let Ok(here) = project(&splat, &view, None) else { continue };
         let ([.., z0], e) = psrgs_vk::twin::project::geometry(&splat, &view);
-        // The reference holds the clamped x and y of the Jacobian fixed, not their ratios to the depth: a ratio that is
-        // clamped falls with the depth. The limits do here, of a splat that has moved.
+        // The reference holds the clamped x and y of the Jacobian fixed, not their ratios to the depth: a clamped ratio
+        // falls with the depth. For a moved splat, the limits here are scaled likewise.
         let seen = |moved: &Splat<f64>| {
             let mut view = view.clone();
             let ([.., z], _) = psrgs_vk::twin::project::geometry(moved, &view);
@@ -179,7 +179,7 @@ fn projection_against_differences(projection: Projection, spread: f64, seed: u64
                 let mut values = splat.to_array();
                 values[k] += h;
                 let moved = Splat::from_array(&values);
-                // Nor may the normal come to look at the camera from its other side.
+                // The normal must not flip to its other side.
                 let faces = |p: Projected<f64>| (0..3).map(|i| p.normal[i] * here.normal[i]).sum::<f64>() > 0.0;
                 state(&moved, &seen(&moved)) == state(&splat, &view) && project(&moved, &view, None).is_ok_and(faces)
             })
@@ -283,8 +283,8 @@ fn projection_twin_beyond_the_clamp_of_the_reference() {
     assert!(clamped > 10, "only {clamped} splats were clamped");
 }
 
-/// Below the bound the colour is that of a brighter splat less a constant: differences of the brighter one are what the
-/// gradient has to be where it leads back inside.
+/// Below its bound, a colour is clamped. Where the gradient raises the colour, the gradient must equal finite
+/// differences of a brighter splat, whose colour is not clamped.
 #[test]
 fn a_colour_at_its_lower_bound_has_only_gradients_that_raise_it() {
     let camera = camera(64, 48);
@@ -320,15 +320,14 @@ fn a_colour_at_its_lower_bound_has_only_gradients_that_raise_it() {
     assert!(clamped > 40, "{clamped} colours at the bound");
 }
 
-/// Exactly at the bound the loss has two slopes: a gradient that leads back inside is the one to the right of the
-/// bound.
+/// At the bound the loss has two slopes. A gradient that leads back inside is the slope on the right of the bound.
 #[test]
 fn brute_force_gradients_at_the_colour_bound_lead_back_inside() {
     let camera = camera(22, 17);
     let settings = Settings { black_learns: true, ..settings(0, false) };
     let (mut splats, mut random) = calm_scene(40, &camera, &settings);
     for splat in &mut splats {
-        // By less than what is compared, so that rounding leaves no light.
+        // Below the bound by less than the tolerance, so that rounding leaves no light.
         splat.sh[0] = [-0.5 * (4.0 * std::f64::consts::PI).sqrt() - 1e-12; 3];
     }
     let pixels = (camera.width * camera.height) as usize;
@@ -340,7 +339,7 @@ fn brute_force_gradients_at_the_colour_bound_lead_back_inside() {
     for i in 0..splats.len() {
         for c in 0..3 {
             let mut scene = splats.clone();
-            // Linear in the colour.
+            // The loss is linear in the colour.
             scene[i].sh[0][c] += 0.5;
             let slope = (at(&scene) - here) / 0.5;
             assert!((got.splats[i].sh[0][c] - slope.min(0.0)).abs() < 1e-9, "{i} {c}: {slope}");
@@ -372,8 +371,8 @@ fn reference_clamp_changes_only_gradients_of_clamped_means() {
     assert!(differed > 10);
 }
 
-/// The brute-force renderer and the twin share no arithmetic: the twin's chain rule on the renderer's 2D gradients must
-/// give the renderer's own gradients.
+/// The twin's chain rule, applied to the brute-force renderer's 2D gradients, must give that renderer's own gradients.
+/// Renderer and twin share no arithmetic.
 #[test]
 fn projection_twin_agrees_with_the_brute_force_renderer() {
     let camera = camera(40, 30);

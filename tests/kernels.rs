@@ -1,6 +1,6 @@
-//! The passes' tables against their SPIR-V: bindings with access, push constants, specialization constants, workgroup
-//! size. In both forms of a module; in the one by address, for every entry of the table. And every shader file is used
-//! by a registered pass.
+//! The tables of the passes against their SPIR-V: bindings with access, push constants, specialization constants,
+//! workgroup size. Both forms of a module are checked, and every entry of the table of addresses. Every shader file
+//! must be used by a registered pass.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -88,7 +88,7 @@ impl Reflection {
             .collect()
     }
 
-    /// Access that the decorations allow: on the variable, or on every member of its block.
+    /// Access that the decorations allow, on the variable or on every member of its block.
     fn access(&self, variable: u32, block: u32) -> Access {
         let members = self.global(block).operands.len() as u32;
         let says = |d| {
@@ -164,7 +164,7 @@ impl Reflection {
         word(&self.global(wanted).operands[0])
     }
 
-    /// What stands at the entries of the table: entry, struct of the reference that is made of it.
+    /// The entries of the table of addresses that are read, each with the struct of its reference.
     fn entries(&self, table: u32) -> Vec<(u32, u32)> {
         let mut places = BTreeMap::new();
         let mut words = BTreeMap::new();
@@ -324,7 +324,7 @@ fn workgroup_sizes_are_as_declared() {
             [_, Operand::ExecutionMode(ExecutionMode::LocalSize), x, y, z] => Some((word(x), word(y), word(z))),
             _ => None,
         });
-        // A size by specialization constant is a decorated composite, which takes precedence over the mode.
+        // A workgroup size by specialization constant is a decorated composite, which wins over the execution mode.
         let open = spirv.module.types_global_values.iter().any(|v| {
             v.class.opcode == Op::SpecConstantComposite
                 && v.result_id.is_some_and(|id| spirv.decoration(id, Decoration::BuiltIn).is_some())

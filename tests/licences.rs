@@ -1,6 +1,5 @@
-//! Every crate that is built may be shipped under the licences that `deny.toml` allows: what
-//! `cargo deny check licenses` looks at, for machines that do not have it (building it takes longer than building this
-//! project).
+//! Every crate of the build has a licence that `deny.toml` allows. This is the check of `cargo deny check licenses`,
+//! for machines without cargo-deny, which takes longer to build than this project.
 
 use std::collections::BTreeSet;
 use std::path::Path;

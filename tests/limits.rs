@@ -1,5 +1,5 @@
-//! Beyond and at the limits: models whose parameters would not fit one binding, buffers and memory that run out, very
-//! large images, a single splat.
+//! At and beyond limits: models whose parameters do not fit one binding, exhausted buffers and memory, very large
+//! images, a single splat.
 
 mod common;
 
@@ -35,7 +35,7 @@ fn settings(steps: u32) -> Settings {
     s
 }
 
-/// Copies splat `from` of one model to `to` of another, identity included.
+/// Copies splat `from` of one model to splat `to` of another, with its identity.
 fn copy(source: &Gaussians, from: usize, target: &mut Gaussians, to: usize) {
     Splat::<f64>::of(source, from).store(target, to);
     target.ids[to] = source.ids[from];
@@ -60,8 +60,8 @@ fn trained(gpu: &Gpu, input: Input, pacing: Pacing) -> (State, Told) {
     (trainer.snapshot().unwrap().state, told)
 }
 
-/// Most splats lie behind every camera: what is left must train to the very bits of a small model of those alone,
-/// through steps and a density change.
+/// Most splats lie behind every camera. The rest must train to the bits of a small model of these splats alone, through
+/// steps and a density change.
 #[test]
 fn splats_of_a_model_past_128_mib_train_as_those_of_a_small_one() {
     let Some(gpu) = common::gpu() else { return };
@@ -110,7 +110,7 @@ fn splats_of_a_model_past_128_mib_train_as_those_of_a_small_one() {
     common::assert_no_messages(&gpu);
 }
 
-/// All splats visible in a tiny image: forward, backward, and a handful of them against the projection's twin.
+/// All splats are visible in a tiny image: forward, backward, and a handful of splats against the projection's twin.
 #[test]
 fn a_model_past_128_mib_is_rendered_and_differentiated_whole() {
     let Some(gpu) = common::gpu() else { return };
@@ -125,7 +125,7 @@ fn a_model_past_128_mib_is_rendered_and_differentiated_whole() {
         model.quats[4 * i] = 1.0;
     }
     model.scales.fill(-5.0);
-    // So faint that light gets through the pile, and seen as far as the nearest centre of a pixel.
+    // Faint, so that light passes the whole stack, and visible at the nearest pixel centre.
     model.opacities.fill(-4.4);
     model.sh.iter_mut().flatten().for_each(|f| *f = 0.2 * random.symmetric() as f32);
     let projection = Projection { near: NEAR, ..Projection::default() };
@@ -168,7 +168,7 @@ fn a_model_past_128_mib_is_rendered_and_differentiated_whole() {
         }
     }
     for (buffer, (_, row)) in grads.buffers().iter().zip(raster::PLANES) {
-        // The last rows of each plane: finite, and most of them not zero.
+        // The last rows of each plane: finite, and mostly not zero.
         let rows = 2000 * u64::from(row);
         let tail: Vec<f32> = gpu.read_at(buffer, buffer.size() - 4 * rows, rows as usize).unwrap();
         assert!(tail.iter().all(|v| v.is_finite()), "{buffer:?}");
@@ -210,7 +210,7 @@ fn a_buffer_past_the_largest_binding_is_named_with_the_limit() {
         "{error}"
     );
     assert!(error.to_string().contains(&limit.to_string()) && error.to_string().contains("slot_grads"));
-    // The trainer never gets there: it takes no more than fits, or says what is too many.
+    // The trainer takes no more than fits, or reports what is too much.
     let pacing = Pacing { pair_capacity: u32::MAX, ..Pacing::default() };
     let mut trainer = Trainer::new(&gpu, plane_scene::input(2, 24, 16, 30), &settings(2), pacing, None).unwrap();
     while trainer.next_message().unwrap().is_some() {}
@@ -247,18 +247,17 @@ fn memory_that_runs_out_is_an_error_and_the_device_goes_on() {
         gpu.memory_use().current
     };
     for _ in 0..3 {
-        // Too large from the start; room that is only asked for is made smaller instead.
+        // Too large from the start. Capacities beyond the need are reduced instead.
         let large = Input { initial: plane_scene::splats(60_000), ..input.clone() };
         let error = Trainer::new(&gpu, large, &settings(8), small, None).err().unwrap();
         assert!(matches!(error, train::Error::MemoryLimit { wanted: 60_000, .. }), "{error}");
         assert_eq!(finish(start(Pacing { splat_capacity: 100_000, ..small }).unwrap()).unwrap(), 8);
-        // Too large when it has grown: next to nothing is left when the first view needs more pairs than there is room
-        // for.
+        // Too large after growth: almost no memory is left when the first view needs more pairs than the capacity.
         let trainer = start(Pacing { pair_capacity: 64, ..small }).unwrap();
         let held = gpu.buffer("held", limit - in_use() - (256 << 10), Memory::Device).unwrap();
         check(finish(trainer).expect_err("no room to grow"));
         drop(held);
-        // Staging memory is kept for the next uploads, nothing else is.
+        // Only staging memory is kept, for the next uploads.
         assert!(in_use() < 12 << 20, "{} bytes were not given back", in_use());
     }
     assert_eq!(finish(start(small).unwrap()).unwrap(), 8);
@@ -317,7 +316,7 @@ fn a_picture_of_3840_by_2160_is_right_in_its_corners() {
                 let (px, py) = (x + i as u32 % 40, y + i as u32 / 40);
                 let at = 4 * (py * width + px) as usize;
                 let error = (0..3).map(|c| (f64::from(picture.rgbt[at + c]) - w[c]).abs()).fold(0.0, f64::max);
-                // The splats' places are known to 2e-4 px at such coordinates, an edge is some px wide.
+                // Means are exact to 2e-4 px at such coordinates, and an edge is some px wide.
                 assert!(error < 1e-3, "{tile:?}, pixel ({px}, {py}): off by {error:e}");
                 seen += u32::from(want.blended[i] > 0);
             }

@@ -1,4 +1,4 @@
-//! Device memory: the plan of a training is what it then takes, and a limit is kept.
+//! Device memory: a training takes what was planned, and keeps to a limit.
 
 mod common;
 
@@ -59,7 +59,7 @@ fn a_training_takes_what_was_planned() {
         let mut trainer = Trainer::new(&gpu, input.clone(), &settings, pacing, None).expect("a training");
         while trainer.next_message().expect("training goes on").is_some() {}
         trainer.evaluate().expect("pictures");
-        // Staging for uploads stays with the device.
+        // Staging memory for uploads stays allocated.
         let taken = gpu.memory_use().current - before;
         println!("{plan}; taken {taken}");
         assert!(taken <= plan.at_start + (4 << 20), "{taken} bytes, planned {}", plan.at_start);
@@ -68,14 +68,14 @@ fn a_training_takes_what_was_planned() {
     assert_eq!(plan(&gpu, &input, &settings(2), Pacing::default()).photographs, (3, 3 * 4 * 96 * 80 + canaries(&gpu)));
 }
 
-/// Bytes of the guards behind three buffers, which are there when the handle counts more than was asked for.
+/// Bytes of the guards behind three buffers; 0 without guards.
 fn canaries(gpu: &Gpu) -> u64 {
     let counting = gpu.planning();
     counting.buffer("b", 4 * 96 * 80, Memory::Device).expect("counted");
     3 * (counting.planned_bytes() - 4 * 96 * 80)
 }
 
-/// Terms of the plan against the rows that buffers are known to have: whoever changes one notices here.
+/// Terms of the plan against the known rows of buffers, so that a change of either shows.
 #[test]
 fn terms_of_the_plan_are_those_of_the_known_rows() {
     let Some(gpu) = common::gpu() else { return };
@@ -88,7 +88,7 @@ fn terms_of_the_plan_are_those_of_the_known_rows() {
     assert!(plan.per_pixel >= 36.0 && plan.per_pixel < 160.0, "{} B per pixel", plan.per_pixel);
 }
 
-/// Under `--max-splats` no room is planned and made for more: not at the start, and not when growth comes to it.
+/// Under `--max-splats` there is no room for more splats, at the start and after growth.
 #[test]
 fn no_room_is_made_for_more_splats_than_are_allowed() {
     let Some(gpu) = common::gpu() else { return };
@@ -97,7 +97,7 @@ fn no_room_is_made_for_more_splats_than_are_allowed() {
     settings.density.max_splats = Some(1000);
     assert_eq!(plan(&gpu, &input, &settings, Pacing::default()).capacities.0, 1000);
     settings.density.max_splats = Some(100);
-    assert_eq!(plan(&gpu, &input, &settings, Pacing::default()).capacities.0, 400, "those to begin with");
+    assert_eq!(plan(&gpu, &input, &settings, Pacing::default()).capacities.0, 400, "room for the first splats alone");
     settings.density.max_splats = Some(700);
     let start = Pacing { splat_capacity: 650, ..Pacing::default() };
     let mut trainer = Trainer::new(&gpu, input, &settings, start, None).expect("a training");
@@ -112,7 +112,7 @@ fn no_room_is_made_for_more_splats_than_are_allowed() {
     assert_eq!((made, most), (vec![700], 700));
 }
 
-/// A device with so many bytes less than what the plan of a default training on it says, and the limit.
+/// A device with a limit of `bytes` bytes.
 fn limited(bytes: u64) -> Option<Gpu> {
     common::gpu_with(|options| options.max_device_memory = Some(bytes))
 }
@@ -122,7 +122,7 @@ fn growth_stops_where_memory_ends_and_training_goes_on() {
     let Some(gpu) = common::gpu() else { return };
     let input = plane_scene::input(3, 64, 48, 400);
     let settings = settings(30);
-    // Room for 1500 splats with their pairs, beside what other users of the device are taken to need.
+    // Room for 1500 splats with their pairs, beside the assumed need of other users of the device.
     let pacing = Pacing { splat_capacity: 1500, pair_capacity: 8 * 1500, ..Pacing::default() };
     let limit = plan(&gpu, &input, &settings, pacing).at_start + (1 << 20);
     let train = || {
@@ -161,8 +161,8 @@ fn growth_stops_where_memory_ends_and_training_goes_on() {
 #[test]
 fn what_does_not_fit_at_all_is_refused_with_numbers() {
     let Some(gpu) = limited(1 << 20) else { return };
-    // More than 1 MiB by model and moments alone, 708 bytes each: what is staged counts only where the device works in
-    // the host's memory.
+    // More than 1 MiB by model and moments alone, 708 bytes per splat. Staging counts only where the device uses host
+    // memory.
     let input = plane_scene::input(3, 64, 48, 2000);
     let error = Trainer::new(&gpu, input, &settings(3), Pacing::default(), None).err().expect("no room");
     let text = error.to_string();
@@ -172,8 +172,7 @@ fn what_does_not_fit_at_all_is_refused_with_numbers() {
     }
 }
 
-/// Splats that swell until their pairs no longer fit: the training ends with an error,
-/// and what was trained is there to go on with.
+/// Splats swell until their pairs no longer fit: the training ends with an error and a state to resume from.
 #[test]
 fn pairs_that_do_not_fit_end_the_training_with_a_checkpoint() {
     let Some(gpu) = common::gpu() else { return };
@@ -182,7 +181,7 @@ fn pairs_that_do_not_fit_end_the_training_with_a_checkpoint() {
     let mut settings = settings(60);
     settings.density.no_densify = true;
     settings.optimiser.lr_scales = 0.3;
-    // The loss pushes them wherever it likes at that rate; larger ones cover more tiles.
+    // At this rate splats grow without bound and cover more and more tiles.
     input.initial.scales.iter_mut().for_each(|s| *s -= 3.0);
     let tight = Pacing { splat_capacity: 2000, pair_capacity: 9000, ..Pacing::default() };
     let limit = plan(&gpu, &input, &settings, tight).at_start.next_multiple_of(1 << 20) + (1 << 19);
@@ -208,8 +207,8 @@ fn pairs_that_do_not_fit_end_the_training_with_a_checkpoint() {
     let latest = checkpoint::latest(folder.path()).expect("readable").expect("saved");
     assert_eq!(&latest.file, file);
     let restart = Checkpointed::from_checkpoint(&latest.checkpoint).expect("whole").restart;
-    assert_eq!(restart.step, last, "nothing that was told is lost");
-    // With more memory it goes on from there.
+    assert_eq!(restart.step, last, "a reported step is lost");
+    // With more memory the training continues from this state.
     let gpu = common::gpu().expect("a device");
     let mut trainer = Trainer::new(&gpu, input, &settings, Pacing::default(), Some(restart)).expect("a training");
     let steps = std::iter::from_fn(|| trainer.next_message().expect("training goes on"));

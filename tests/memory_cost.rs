@@ -1,4 +1,4 @@
-//! What training costs in device memory, from real allocations.
+//! Device memory of a training, from real allocations.
 
 mod common;
 
@@ -20,7 +20,7 @@ fn engine(gpu: &Gpu, input: &Input, variants: Variants) -> Engine {
     Engine::new(gpu, input, &Settings::default(), variants, pacing(), None).expect("an engine")
 }
 
-/// At most 830 bytes per splat, 16 per pair and 80 per pixel; what slots cost stands apart.
+/// At most 830 bytes per splat, 16 per pair and 80 per pixel; slots are counted apart.
 fn assert_bar(memory: &MemoryCost, variants: Variants) {
     let what = format!("{variants:?}: {memory:?}");
     assert!(memory.per_splat > 236.0 * 3.0 && memory.per_splat <= 830.0, "{what}");
@@ -36,7 +36,7 @@ fn training_keeps_to_its_bytes_per_splat_pair_and_pixel() {
     let Some(gpu) = common::gpu_with(|o| o.canaries = false) else { return };
     let input = plane_scene::input(2, 320, 240, 300);
     for variants in Variants::possible(&gpu) {
-        // A device of its own: what an engine leaves is freed some submits later.
+        // A device for each case: the memory of an earlier engine is freed some submits later.
         let Some(gpu) = common::gpu_with(|o| o.canaries = false) else { return };
         let before = gpu.memory_use().current;
         let engine = engine(&gpu, &input, variants);
@@ -49,7 +49,7 @@ fn training_keeps_to_its_bytes_per_splat_pair_and_pixel() {
     }
 }
 
-/// With moments of 16 bits: 600 bytes per splat, and what slots cost beside it.
+/// With moments of 16 bits: 600 bytes per splat, without slots.
 #[test]
 fn shortcuts_keep_to_600_bytes_per_splat() {
     let Some(gpu) = common::gpu_with(|o| o.canaries = false) else { return };
@@ -61,7 +61,7 @@ fn shortcuts_keep_to_600_bytes_per_splat() {
     assert!(memory.per_splat <= 600.0, "{memory:?}");
     assert!((full.per_splat - memory.per_splat - 236.0).abs() < 1e-9, "{full:?} {memory:?}");
     assert_eq!((memory.per_pair, memory.per_pixel), (full.per_pair, full.per_pixel));
-    // The list of the splats on the image: a word of each.
+    // The list of the splats on the image: a word per splat.
     for (shortcuts, without) in
         [(Shortcuts { moment_bits: 16, ..Shortcuts::default() }, &memory), (Shortcuts::default(), &full)]
     {
@@ -92,7 +92,7 @@ fn a_density_change_needs_no_memory_and_growth_one_plane_more() {
     assert_eq!(counts[counters::STATUS], 0);
     assert_eq!(gpu.memory_use().peak, before, "a density change allocated something");
 
-    // Growth: as after an event that asked for more splats than fit.
+    // Growth, as after an event that needed more splats than fit.
     let mut words = counts;
     words[counters::STATUS] = counters::SPLATS_BIT;
     words[counters::WANT_SPLATS] = 2 * SPLATS;
@@ -102,7 +102,7 @@ fn a_density_change_needs_no_memory_and_growth_one_plane_more() {
     let memory = engine.memory();
     assert_eq!(memory.splats, 2 * SPLATS + SPLATS / 2);
     assert_bar(&memory, Variants::choose(&gpu, true));
-    // What outlives no step is gone while planes are copied, one after the other.
+    // Buffers that no later step needs are freed before planes are copied, one after the other.
     let peak = gpu.memory_use().peak;
     let after = gpu.memory_use().current;
     assert!(peak <= after + 48 * u64::from(memory.splats), "peak {peak}, {after} afterwards");

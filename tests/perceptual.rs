@@ -1,4 +1,4 @@
-//! The perceptual distance as a whole: readers of weights, values against known ones and an independent reference,
+//! The perceptual distance: readers of weights, values against published numbers and an independent reference,
 //! gradients against finite differences.
 
 // Nothing of a test binary is reachable from outside.

@@ -1,4 +1,4 @@
-//! Memory that readers of PLY files take, counted by an allocator of this test's own.
+//! Memory use of the readers of PLY files, counted by an allocator of this test.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::fs;
@@ -11,7 +11,7 @@ struct Counting;
 static NOW: AtomicUsize = AtomicUsize::new(0);
 static PEAK: AtomicUsize = AtomicUsize::new(0);
 
-// SAFETY: every call goes on to the system's allocator as it came.
+// SAFETY: every call is forwarded unchanged to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         PEAK.fetch_max(NOW.fetch_add(layout.size(), Relaxed) + layout.size(), Relaxed);
@@ -28,7 +28,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Most bytes in use at a time while `read` works, beyond those in use before.
+/// Peak of the bytes in use while `read` runs, beyond those in use before.
 fn peak<T>(read: impl FnOnce() -> T) -> usize {
     let before = NOW.load(Relaxed);
     PEAK.store(before, Relaxed);
@@ -38,7 +38,7 @@ fn peak<T>(read: impl FnOnce() -> T) -> usize {
     most
 }
 
-/// A binary PLY of `rows` vertices that have these properties, all 0 but a 1 in each first rotation.
+/// A binary PLY of `rows` vertices with these properties, all 0 except for `rot_0`, which is 1.
 fn ply_of(rows: usize, floats: &[&str], bytes: &[&str]) -> Vec<u8> {
     let properties = floats.iter().map(|name| format!("property float {name}\n"));
     let colours = bytes.iter().map(|name| format!("property uchar {name}\n"));
@@ -54,7 +54,7 @@ fn ply_of(rows: usize, floats: &[&str], bytes: &[&str]) -> Vec<u8> {
     file
 }
 
-/// One test: nothing else may allocate meanwhile.
+/// The only test of this file, because nothing else may allocate meanwhile.
 #[test]
 fn reading_a_ply_takes_a_small_multiple_of_its_size() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -73,7 +73,7 @@ fn reading_a_ply_takes_a_small_multiple_of_its_size() {
         // Positions and colours are read as f64, 48 bytes for 15, into vectors that grow to twice their size.
         assert!(taken < 8 * bytes.len() + (1 << 20), "{taken} bytes for {} of points", bytes.len());
     }
-    // A header that claims more rows than the file has takes nothing for them.
+    // A header that claims more rows than the file has: no memory for missing rows.
     let mut bytes = ply_of(1000, &splat, &[]);
     let at = bytes.windows(5).position(|five| five == b"1000\n").expect("the count");
     bytes.splice(at..at + 4, *b"900000000");

@@ -55,7 +55,7 @@ fn metrics(images: Vec<ImageScore>) -> Metrics {
     .with_images(images)
 }
 
-/// Views of the synthetic world, with a blurred copy as render, and curves such as a training has.
+/// Views of the synthetic world, with a blurred copy as render, and curves like those of a training.
 fn example(views: usize, side: u32) -> ReportData {
     let world =
         World::new(&WorldParams { images: 8, max_side: side, supersample: 3, ..WorldParams::default() }).unwrap();
@@ -187,11 +187,11 @@ fn page_is_self_contained_and_shows_everything() {
     }
     assert_eq!(page.matches("<svg").count(), 3);
     assert_eq!(page.matches("type=\"range\"").count(), 2);
-    // Errors and depths of both views have a bar of their colours, with the numbers at its ends.
+    // Errors and depths of both views have a colour bar with numbers at both ends.
     assert_eq!(page.matches("class=\"ramp\"").count(), 4);
 }
 
-/// A view whose left half is masked, and wrong there as a mask is for.
+/// A view whose left half is masked and wrong.
 fn half_masked() -> ReportData {
     let mut data = example(1, 96);
     let view = &mut data.views[0];
@@ -208,7 +208,7 @@ fn half_masked() -> ReportData {
     data
 }
 
-/// Views of photographs that are higher than wide, with or without the pictures of stages and depth.
+/// Views of photographs in portrait format, with or without pictures of stages and depth.
 fn portraits(stages: bool, depth: bool) -> ReportData {
     let mut data = example(2, 160);
     for view in &mut data.views {
@@ -230,8 +230,8 @@ fn masked_pixels_are_hatched_and_left_out_of_the_error_scale() {
     let mut data = half_masked();
     let page = render_report(&data).unwrap();
     assert!(page.contains("Hatched: masked, 50 % of the pixels"));
-    // Steps of three at the most: the scale ends at its least, whatever the masked half holds.
-    assert!(page.contains("\u{2265} 8 / 255"), "the masked half has a part in the scale");
+    // Unmasked errors are at most three steps: the scale ends at its minimum, whatever the masked half holds.
+    assert!(page.contains("\u{2265} 8 / 255"), "the masked half changes the scale");
     let pictures: Vec<RgbImage> = attributes(&page, "src").iter().map(|s| decode(s)).collect();
     let view = &data.views[0];
     let half = view.photograph.width() / 2;
@@ -245,7 +245,7 @@ fn masked_pixels_are_hatched_and_left_out_of_the_error_scale() {
             if x < half {
                 assert!(pixel.0[0] == pixel.0[1] && pixel.0[1] == pixel.0[2], "{pixel:?} at {x}, {y} is no grey");
             } else if let Some(of) = of {
-                assert_eq!(pixel, of.get_pixel(x, y), "what counts is as it was");
+                assert_eq!(pixel, of.get_pixel(x, y), "an unmasked pixel was changed");
             }
         }
     }
@@ -293,16 +293,9 @@ fn names_are_escaped() {
 
 #[test]
 fn pages_stay_small() {
-    let mut state = 3u32;
-    let mut noise = || {
-        RgbImage::from_fn(640, 480, |_, _| {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            Rgb([(state >> 24) as u8, (state >> 16) as u8, (state >> 8) as u8])
-        })
-    };
-    let (a, b) = (noise(), noise());
+    let [a, b] = [3, 4].map(|seed| common::noise(seed, 640, 480));
     let mut data = example(1, 32);
-    // Noise does not compress: losslessly these are more than 50 MB.
+    // Noise does not compress: the lossless pictures would be more than 50 MB.
     data.views = (0..16)
         .map(|k| ViewPanel {
             name: format!("{k}.png"),
@@ -321,7 +314,7 @@ fn pages_stay_small() {
         .collect();
     let page = render_report(&data).unwrap();
     assert!(page.len() < 20_000_000, "{} bytes", page.len());
-    assert_eq!(attributes(&page, "src").len(), 48, "all views are there");
+    assert_eq!(attributes(&page, "src").len(), 48, "a picture of a view is missing");
 }
 
 #[test]
@@ -390,7 +383,7 @@ fn metrics_have_exactly_the_promised_keys() {
         "peak_device_bytes",
         "peak_host_bytes",
         "images",
-        // Of the geometry what is known.
+        // Only the known geometry metric.
         "floaters",
         "surface_distance",
     ];
@@ -401,7 +394,7 @@ fn metrics_have_exactly_the_promised_keys() {
     assert_eq!(json["images"][1]["name"], "b.jpg");
     assert_eq!(Metrics::read(&path).unwrap(), m);
 
-    // Equal images have no finite PSNR: null, and read back as what it was.
+    // Equal images have an infinite PSNR: written as null, and read back as infinity.
     let perfect = metrics(vec![score("a.jpg", f64::INFINITY, 1.0)]);
     perfect.write(&path).unwrap();
     assert!(std::fs::read_to_string(&path).unwrap().contains("\"psnr\": null"));
@@ -420,8 +413,8 @@ fn chromium() -> Option<PathBuf> {
     std::env::split_paths(&std::env::var_os("PATH")?).flat_map(|dir| names.map(|n| dir.join(n))).find(|p| p.is_file())
 }
 
-/// Loads the page in a headless browser with a script appended that puts its findings into the document, and returns
-/// what the browser made of it: the document and its log.
+/// Loads the page in a headless browser, with an appended script that writes findings into the document. Returns the
+/// final document and the browser's log.
 fn browse(chromium: &Path, page: &Path, width: u32, extra: &[&str]) -> (String, String) {
     let profile = tempfile::tempdir().unwrap();
     let output = Command::new(chromium)

@@ -1,5 +1,4 @@
-//! Saliency maps, masks, and learning the width of the filter: against a slow transform,
-//! finite differences and grid search.
+//! Saliency maps, masks, and learning the filter's width: against a slow transform, finite differences and grid search.
 
 // Nothing of a test binary is reachable from outside.
 #![allow(unreachable_pub)]

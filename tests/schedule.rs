@@ -1,4 +1,4 @@
-//! The schedule of the reference method, its quirks, its short form, and the order of views.
+//! The schedule of the reference method, its quirks, scaled schedules, and the order of views.
 
 use psrgs_vk::train::schedule::{Adam, DroppedSplats, Schedule};
 use psrgs_vk::train::settings::{Background, Method, Settings};
@@ -71,8 +71,8 @@ fn short_schedules_begin_with_higher_rates_that_fall() {
     close(last.sh_rest, published.sh_rest);
     close(last.means, 1.6e-6);
 
-    assert_eq!(of(60_000, |_| {}).0, published, "longer than published");
-    assert_eq!(of(100, |_| {}).0, of(750, |_| {}).0, "shorter than tried");
+    assert_eq!(of(60_000, |_| {}).0, published, "a schedule longer than published");
+    assert_eq!(of(100, |_| {}).0, of(750, |_| {}).0, "a schedule shorter than those that were measured");
 }
 
 #[test]
@@ -146,7 +146,7 @@ fn a_fixed_set_has_no_density_control_at_all() {
 
 #[test]
 fn adam_skips_what_the_reference_skips() {
-    // An interval that does not divide the resets' makes some resets stand alone.
+    // An interval that does not divide the interval of resets: some resets have no density change.
     let s = schedule(|o| {
         o.run.iterations = 8000;
         o.density.densify_interval = 700;
@@ -203,13 +203,13 @@ fn a_short_schedule_densifies_seldom_with_room_after_resets() {
         o.run.iterations = 500;
         o.run.scale_schedule = true;
     });
-    assert_eq!((s.densify_from, s.densify_until, s.densify_interval), (8, 250, 43), "a pass over the views at least");
+    assert_eq!((s.densify_from, s.densify_until, s.densify_interval), (8, 250, 43), "at least a pass over the views");
 
     let s = schedule(|o| {
         o.run.iterations = 900;
         o.run.scale_schedule = true;
     });
-    assert_eq!(s.densify_interval, 60, "a fifteenth of the steps at least");
+    assert_eq!(s.densify_interval, 60, "at least a fifteenth of the steps");
 
     let s = schedule(|o| {
         o.run.iterations = 1500;
@@ -234,19 +234,15 @@ fn a_short_schedule_densifies_seldom_with_room_after_resets() {
     let many = Schedule::new(&settings, 900);
     assert_eq!(many.densify_interval, 100, "never above the reference's");
 
-    // Steps that change density do not optimise: an interval of one step would leave none that does.
+    // Steps that change density do not optimise: with an interval of one step no step would.
     settings.density.densify_interval = 1;
-    assert_eq!(
-        Schedule::new(&settings, 43).densify_interval,
-        43,
-        "a look at all photographs, however often is asked for"
-    );
+    assert_eq!(Schedule::new(&settings, 43).densify_interval, 43, "at least a pass over all photographs");
     assert_eq!(Schedule::new(&settings, 900).densify_interval, 100);
     settings.density.densify_interval = 70;
     assert_eq!(Schedule::new(&settings, 43).densify_interval, 70);
     settings.run.scale_schedule = false;
     settings.density.densify_interval = 1;
-    assert_eq!(Schedule::new(&settings, 43).densify_interval, 1, "as it is asked for, where nothing is scaled");
+    assert_eq!(Schedule::new(&settings, 43).densify_interval, 1, "the interval of the settings, without scaling");
     assert_eq!(resets(&many), [500], "500 is exactly 300 steps before 800");
 }
 
@@ -297,7 +293,7 @@ fn perceptual_steps_look_at_the_views_of_the_steps_before() {
             continue;
         };
         assert!(t > 100 && t.is_multiple_of(10), "step {t}");
-        // Once each, the oldest first; where a pass over the views ends, one of them may be the step's own.
+        // Each view once, the oldest first. Where a pass over the views ends, one may be the step's own view.
         let mut wanted: Vec<usize> = Vec::new();
         for view in (t - 3..t).rev().map(|before| s.view_at(before)) {
             if view != s.view_at(t) && !wanted.contains(&view) {
@@ -308,7 +304,7 @@ fn perceptual_steps_look_at_the_views_of_the_steps_before() {
         assert!(step.beside().iter().all(|b| (1..=s.step(t).seen).contains(&b.seen)));
         assert!((step.times * (1 + wanted.len()) as f64 - 10.0).abs() < 1e-12, "a step carries the weight of ten");
     }
-    // Where photographs are reduced, and where there is one view alone.
+    // With reduced photographs, and with a single view.
     let reduced = schedule(|s| {
         (s.run.iterations, s.frequencies.coarse_steps) = (400, 1.0);
         (s.texture.lambda_perceptual, s.texture.perceptual_every, s.texture.perceptual_views) = (0.1, 10, 4);
@@ -335,12 +331,12 @@ fn random_backgrounds_depend_on_the_step_only() {
 fn a_limited_set_is_recycled_while_it_grows() {
     let recycled = |s: &Schedule| steps(s, |t| matches!(s.drops(t), Some(DroppedSplats::Lightest(_))));
     let s = schedule(|s| s.density.recycle_share = 0.2);
-    // Three passes over 43 views are 129 steps: after every second change, while another one follows.
+    // Three passes over 43 views are 129 steps: after every second change, except the last.
     let wanted: Vec<u32> = (600..14_900).step_by(200).map(|t| t + 1).collect();
     assert_eq!(recycled(&s), wanted);
     assert!(recycled(&schedule(|_| {})).is_empty());
     assert!(recycled(&schedule(|s| (s.density.recycle_share, s.density.no_densify) = (0.2, true))).is_empty());
-    // Scaled, changes are 100 steps apart: every second.
+    // In a scaled schedule changes are 100 steps apart: after every second change.
     let scaled = |share: f64| {
         schedule(|s| {
             (s.run.iterations, s.run.scale_schedule) = (1500, true);
@@ -348,7 +344,7 @@ fn a_limited_set_is_recycled_while_it_grows() {
         })
     };
     assert_eq!(recycled(&scaled(0.2)), [201, 401, 601]);
-    // What is dropped for good, when growth has ended, is the same.
+    // Recycling does not change the drops after growth.
     let below = |s: &Schedule| steps(s, |t| matches!(s.drops(t), Some(DroppedSplats::Below(_))));
     assert_eq!(below(&scaled(0.2)), below(&scaled(0.0)));
     assert_eq!(below(&scaled(0.2)), [750, 1201]);
@@ -360,11 +356,11 @@ fn a_limited_set_is_recycled_while_it_grows() {
         [s.drops(750), s.drops(1201)]
     };
     assert_eq!(young(0.25), [Some(DroppedSplats::Below(0.01)), Some(DroppedSplats::Below(0.04))]);
-    assert_eq!(young(0.0), [None, Some(DroppedSplats::Below(0.04))], "what is young stays");
+    assert_eq!(young(0.0), [None, Some(DroppedSplats::Below(0.04))], "young splats stay");
 }
 
-/// At most 100 steps lie between changes: of more photographs some were not looked at,
-/// and what only they show is not unseen.
+/// At most 100 steps lie between changes. With more photographs, some were not shown, and splats in these photographs
+/// alone must not count as unseen.
 #[test]
 fn nothing_is_unseen_before_all_photographs_were_looked_at() {
     let seen = |views: usize, scaled: bool| {
@@ -374,7 +370,7 @@ fn nothing_is_unseen_before_all_photographs_were_looked_at() {
         let changes: Vec<bool> =
             (1..=30_000).filter_map(|t| schedule.step(t).densify).map(|change| change.sees_all).collect();
         assert!(changes.len() > 80, "{views}");
-        // The first change follows more steps than lie between the others.
+        // More steps lie before the first change than between later changes.
         (changes[0], changes[1..].iter().all(|all| *all), changes[1..].iter().any(|all| *all))
     };
     for scaled in [false, true] {
@@ -394,14 +390,14 @@ fn bands_of_a_photograph_follow_one_another() {
         let band = s.step(t).band.expect("a part");
         assert_eq!((band.index, band.of), ((t - 1) % 3, 3));
         assert_eq!(s.view_at(t), whole.view_at(t.div_ceil(3)), "step {t}");
-        // Every step that looks at a photograph counts.
+        // Every step with the photograph counts.
         let before = (1..=t).filter(|&earlier| s.view_at(earlier) == s.view_at(t)).count();
         assert_eq!(s.step(t).seen as usize, before, "step {t}");
     }
 }
 
-/// What needs a whole photograph has it: depths, gradient maps, the perceptual distance, learned widths,
-/// and what is reduced already.
+/// Steps see a whole photograph where they need one: depths, gradient maps, the perceptual distance, learned widths,
+/// and reduced photographs.
 #[test]
 fn steps_that_need_more_than_colours_see_the_whole_photograph() {
     let whole = |change: fn(&mut Settings)| {
@@ -425,7 +421,7 @@ fn steps_that_need_more_than_colours_see_the_whole_photograph() {
     assert_eq!(got, every(10, low + 1, 600));
 }
 
-/// The views beside a step's own are of other photographs, however many steps look at each.
+/// The additional views of a step are of other photographs, however many steps each photograph takes.
 #[test]
 fn perceptual_steps_of_bands_look_at_as_many_photographs() {
     let views = |bands: u32| {
@@ -445,13 +441,13 @@ fn perceptual_steps_of_bands_look_at_as_many_photographs() {
     }
 }
 
-/// Where steps see a part of a photograph, what goes by looks at all photographs goes by as many of them.
+/// Where steps see a band of a photograph, a pass over all photographs takes a step per band.
 #[test]
 fn looks_at_all_photographs_take_a_step_for_each_band() {
     let of = |bands: u32| {
         schedule(|s| (s.run.bands, s.run.iterations, s.run.scale_schedule) = (bands, 1500, true)).densify_interval
     };
-    // 86 steps look at all of 43 photographs; 100 lie between changes. Four bands need 172.
+    // Two bands of 43 photographs take 86 steps, and 100 lie between changes. Four bands take 172.
     assert_eq!([of(1), of(2), of(4)], [100, 100, 172]);
     let seen = |bands: u32| {
         let mut settings = Settings::of_method(Method::Psrgs);

@@ -1,4 +1,4 @@
-//! Portability rules that can be read off the shaders: their sources, and the header and capabilities of their SPIR-V.
+//! Portability rules that are checked in shader sources, and in the header and capabilities of their SPIR-V.
 
 #[path = "shader_sources/decisions.rs"]
 mod decisions;
@@ -43,8 +43,8 @@ fn loops(code: &str) -> Vec<Vec<String>> {
         .collect()
 }
 
-/// Whether the loop at the start of `code` is `do { ... ++k; ... } while (k < BOUND);`: every turn moves a count, and
-/// the loop goes on while the count is not there. `k -= n; ... k > 0u` is as good.
+/// Whether the loop at the start of `code` is `do { ... ++k; ... } while (k < BOUND);`, or counts down with `k -= n;
+/// ... k > 0u`: every iteration moves a count towards the bound.
 fn counts_to_a_bound(code: &str) -> bool {
     let Some(code) = code.strip_prefix("do {") else { return false };
     let mut depth = 1;
@@ -82,7 +82,7 @@ fn loops_are_bounded_before_they_start() {
             seen += 1;
         }
         let ends = code.matches("while (").count();
-        // Compare-and-swap goes on until it has won; each time it loses, another thread has got on.
+        // Compare-and-swap repeats until it succeeds. Each time it fails, another thread has succeeded.
         let swaps = code.matches("} while (seen != expected);").count();
         let bounded = code.match_indices("do {").filter(|(at, _)| counts_to_a_bound(&code[*at..])).count();
         assert_eq!(bounded + swaps, ends, "{file}: a loop without a bound");
@@ -120,14 +120,14 @@ fn no_thread_returns_before_a_barrier() {
     let mut seen = 0;
     for (file, code) in sources() {
         for body in bodies(&code) {
-            // What all threads of a workgroup or subgroup must reach together.
+            // Operations that all threads of a workgroup or subgroup must reach together.
             let last = ["barrier()", " workgroup_", " subgroup_", "(subgroup_", "(workgroup_"]
                 .iter()
                 .filter_map(|call| body.rfind(call))
                 .max();
             let Some(last) = last else { continue };
             seen += 1;
-            // `return subgroup_sum(x);` is the last thing of its function, and no early return.
+            // `return subgroup_sum(x);` at the end of a function is no early return.
             let early = body[..last].match_indices("return").any(|(at, _)| body[at..last].contains(';'));
             assert!(!early, "{file}: returns before a barrier or subgroup operation:\n{body}");
         }

@@ -1,4 +1,4 @@
-//! The prefix sum, the radix sort and the tile lists as the renderer records them, against plain CPU code.
+//! Prefix sum, radix sort and tile lists, as the renderer records them, against plain CPU code.
 
 mod common;
 
@@ -9,17 +9,13 @@ use psrgs_vk::pass::plan::{self, Entry};
 use psrgs_vk::raster::scan::{self, Scan, ScanExtent, Summand};
 use psrgs_vk::raster::sort::{KeyCount, RadixSort, SortShape};
 use psrgs_vk::raster::tiles::{Capacities, ENTRIES, FrameLists, SPLAT_ENTRIES, TileListInputs, TileLists};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::{TileGrid, list};
 use psrgs_vk::vk::{Addresses, Buffer, BufferSlice, DeviceKind, Gpu, Groups, Memory, Subgroup};
 
-fn words(state: u64, count: usize) -> Vec<u32> {
-    let mut state = state;
-    (0..count)
-        .map(|_| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 32) as u32
-        })
-        .collect()
+fn words(seed: u64, count: usize) -> Vec<u32> {
+    let mut random = Random::new(seed);
+    (0..count).map(|_| (random.bits() >> 32) as u32).collect()
 }
 
 fn upload(gpu: &Gpu, name: &str, content: &[u32]) -> Buffer {
@@ -45,13 +41,13 @@ fn planned(gpu: &Gpu, counts: &Buffer, counter: u32, entries: &[Entry]) -> Buffe
     args
 }
 
-/// Sorts on the device, with the count on the host or in a counter, and compares with a stable sort of 64-bit (key,
-/// position).
+/// Sorts on the device, with the count from the host or a counter, and compares with a stable sort of 64-bit pairs
+/// (key, position).
 fn sort(gpu: &Gpu, shape: SortShape, keys: &[u32], bits: u32, counted: bool) {
     let n = keys.len();
     let what = format!("{shape:?}, {n} keys, {bits} bits, counted {counted}");
     let sorter = RadixSort::new(gpu, "test", shape, n as u64, bits).unwrap();
-    // One word more than the keys, which must stay.
+    // One more word behind the keys, which must not change.
     let with_tail = |content: Vec<u32>| [content, vec![0x1234_5678]].concat();
     let sides = |name: &str, content: Vec<u32>| {
         [upload(gpu, name, &with_tail(content)), upload(gpu, name, &with_tail(words(1, n)))]
@@ -93,7 +89,7 @@ fn the_shape_of_a_sort_fits_the_shared_memory() {
     };
     assert_eq!(shape(48, 32, 1 << 20), SortShape::Groups);
     assert_eq!(shape(48, 32, 1 << 24), SortShape::LongGroups);
-    // What Vulkan promises at least holds 2,048 keys and not 4,096.
+    // The minimum of shared memory in Vulkan holds 2,048 keys and not 4,096.
     assert_eq!(shape(16, 32, 1 << 24), SortShape::Groups);
     assert_eq!(shape(16, 8, 1 << 24), SortShape::Runs);
 }
@@ -131,7 +127,7 @@ fn radix_sort_of_a_million_and_more() {
     common::assert_no_messages(&gpu);
 }
 
-/// More keys than 2^25, so that no array of them fits one descriptor of 128 MiB; with more workgroups than `plan` puts
+/// More than 2^25 keys, so that no array of keys fits one descriptor of 128 MiB, and more workgroups than `plan` puts
 /// on one axis in the groups shape. The keys are tile numbers of a 4K image.
 fn sort_beyond_2_to_the_25(shape: SortShape, n: usize, bits: u32, counted: bool) {
     let Some(gpu) = common::gpu() else { return };
@@ -164,7 +160,7 @@ fn radix_sort_of_40_million_pairs() {
 #[ignore = "takes minutes on a CPU"]
 fn radix_sort_of_2_to_the_26_pairs() {
     for shape in [SortShape::Runs, SortShape::Groups, SortShape::LongGroups] {
-        // One more, so that the groups shape has 65,537 workgroups.
+        // One key more than 2^26, so that the groups shape has 65,537 workgroups.
         for (bits, counted) in [(17, true), (32, false)] {
             sort_beyond_2_to_the_25(shape, (1 << 26) + 1, bits, counted);
         }
@@ -184,7 +180,7 @@ fn prefix_sum_of_millions() {
 
 fn prefix_sum(n: usize) {
     let Some(gpu) = common::gpu() else { return };
-    // Small enough that a word holds the sum of all, which is told as the largest word otherwise.
+    // Small enough that a word holds the sum; a larger sum would be reported as the largest word.
     let source: Vec<u32> = words(8, n).into_iter().map(|w| w >> 23).collect();
     let input = upload(&gpu, "source", &source);
     let output = upload(&gpu, "target", &words(4, n));
@@ -292,7 +288,7 @@ fn check(gpu: &Gpu, scene: &Scene, frame: &Frame, result: &FrameLists<'_>) {
     assert_eq!(counts[counters::VISIBLE] as usize, visible);
     assert_eq!(counts[counters::PAIRS] as usize, expected.len());
     let read = |slice: BufferSlice<'_>| gpu.read_slice::<u32>(slice, slice.bytes() as usize / 4).unwrap();
-    let own = result.slots.expect("lists of their own have slots");
+    let own = result.slots.expect("these lists have slots");
     let [splats, slots, slot_splat] = [result.sorted_splats, own.sorted_slots, own.slot_splat].map(read);
     for (j, &(_, _, splat)) in expected.iter().enumerate() {
         assert_eq!(splats[j], splat, "pair {j}");
@@ -308,7 +304,7 @@ fn check(gpu: &Gpu, scene: &Scene, frame: &Frame, result: &FrameLists<'_>) {
         let at = 2 * tile as usize;
         assert_eq!([found[at], found[at + 1]], ranges.get(&tile).copied().unwrap_or([0, 0]), "tile {tile}");
     }
-    // A splat's slots are consecutive, in the order of the splats, and each is some pair's.
+    // A splat's slots are consecutive, in the order of the splats, and each slot belongs to one pair.
     let [listed, offsets] = [own.listed, own.slot_offsets].map(read);
     let mut slot = 0;
     for &splat in &listed[..visible] {
@@ -320,7 +316,7 @@ fn check(gpu: &Gpu, scene: &Scene, frame: &Frame, result: &FrameLists<'_>) {
     assert!(listed[..visible].is_sorted());
     let mut of_pairs = slots[..expected.len()].to_vec();
     of_pairs.sort_unstable();
-    assert!(of_pairs.into_iter().eq(0..expected.len() as u32), "a slot is no pair's, or several");
+    assert!(of_pairs.into_iter().eq(0..expected.len() as u32), "a slot belongs to no pair, or to several");
 }
 
 #[test]
@@ -334,7 +330,7 @@ fn tile_lists_hold_every_pair_in_depth_order() {
             let capacities = Capacities { splats: n as u64, pairs: scene.pairs() as u64, tiles: 1000 };
             let lists = TileLists::with_shape(&gpu, capacities, shape).unwrap();
             let frame = frame(&gpu, &scene);
-            // Twice, so that the second run meets the leavings of the first.
+            // Twice: the second run starts with the buffers of the first.
             for _ in 0..2 {
                 let result = record(&gpu, &lists, &frame, &scene.grid);
                 check(&gpu, &scene, &frame, &result);
@@ -375,12 +371,12 @@ fn too_many_pairs_set_the_status_and_emit_nothing() {
     assert_eq!(u64::from(counts[counters::WANT_PAIRS]), pairs);
     let ranges: Vec<u32> = gpu.read_slice(result.tile_ranges, 2000).unwrap();
     assert!(ranges.iter().all(|&word| word == 0), "a void event has lists");
-    // Later events are void as well, and do not touch the counts.
+    // Later events are void as well and do not change the counts.
     record(&gpu, &small, &frame, &grid);
     assert_eq!(gpu.read::<u32>(&frame.counts).unwrap(), counts);
     let args: Vec<[u32; 4]> = gpu.read(&frame.args).unwrap();
     assert!(args.iter().all(|entry| *entry == [0; 4]));
-    // Cleared and with room, the same frame comes out whole.
+    // With a cleared status and enough room, the frame is complete.
     let large = TileLists::new(&gpu, Capacities { splats: 2000, pairs, tiles: 1000 }).unwrap();
     gpu.write(&frame.counts, &[0u32]).unwrap();
     let result = record(&gpu, &large, &frame, &grid);

@@ -1,4 +1,4 @@
-//! Multi-view stereo: on planes of known depth, with input of which nothing can be made, and as a command.
+//! Multi-view stereo: on planes of known depth, with degenerate input, and as a command.
 
 #![allow(unreachable_pub)]
 

@@ -1,5 +1,4 @@
-//! The ellipse-tile test against brute force over the pixels: no pixel that a splat shows in may lie outside the listed
-//! tiles.
+//! The ellipse-tile test against brute force over pixels: every pixel in which a splat shows must lie in a listed tile.
 
 use std::collections::HashSet;
 
@@ -53,7 +52,7 @@ fn alpha32(splat: &Splat, x: f32, y: f32) -> f32 {
     (splat.opacity * (-(u * u) - v * v).exp()).min(0.99)
 }
 
-/// The same with every multiplication and addition contracted that can be.
+/// As [`alpha32`], with every possible multiplication and addition contracted.
 fn alpha32_fused(splat: &Splat, x: f32, y: f32) -> f32 {
     let [p, q, r] = factor(splat);
     let (dx, dy) = (x - splat.mean[0], y - splat.mean[1]);
@@ -68,7 +67,7 @@ fn factor(splat: &Splat) -> [f32; 3] {
     [p, 0.5 * b / p, (0.5 * rest).sqrt()]
 }
 
-/// Smallest q over a rectangle of pixel centres, and where.
+/// Smallest q over a rectangle of pixel centres, and its position.
 fn least_q(splat: &Splat, x: [f64; 2], y: [f64; 2]) -> (f64, [f64; 2]) {
     let [a, b, c, _] = splat.conic.map(f64::from);
     let mean = splat.mean.map(f64::from);
@@ -99,7 +98,7 @@ struct Tally {
     visible: usize,
 }
 
-/// Checks one splat: nothing lost, and with `tight` nothing listed beyond the documented margins.
+/// Checks one splat: no pixel is lost, and with `tight` no tile is listed beyond the documented margins.
 fn check(splat: &Splat, grid: &TileGrid, tight: bool, tally: &mut Tally) {
     let tiles = list(splat.mean, splat.plain(), splat.opacity, grid);
     assert_eq!(tiles.len(), count(splat.mean, splat.plain(), splat.opacity, grid) as usize);
@@ -197,7 +196,7 @@ fn ordinary_splats_are_listed_exactly() {
         conic: conic([log_range(random, 0.55, 40.0), log_range(random, 0.55, 40.0)], random.range(0.0, 3.2)),
         opacity: opacity(random),
     });
-    assert!(tally.beyond * 2000 < tally.listed, "{} of {} tiles are listed in vain", tally.beyond, tally.listed);
+    assert!(tally.beyond * 2000 < tally.listed, "{} of {} tiles are listed without need", tally.beyond, tally.listed);
 }
 
 #[test]
@@ -219,7 +218,7 @@ fn needles_lose_no_pixel() {
 
 #[test]
 fn far_needles_lose_no_pixel() {
-    // Aimed at the image from far away, where the terms of the power cancel to nothing.
+    // Needles far away that point at the image, where the terms of the exponent cancel.
     run("far needles", 2000, false, |random, grid| {
         let target = inside(random, grid, 2.0).map(f64::from);
         let (angle, distance) = (random.range(0.0, 6.3), log_range(random, 50.0, 20_000.0));

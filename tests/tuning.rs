@@ -1,4 +1,4 @@
-//! The variants of the passes by timing: what is chosen when, what is kept on disk, and that training does not notice.
+//! Variants of passes by timing: the choice, its cache on disk, and no effect on training.
 
 mod common;
 
@@ -46,7 +46,7 @@ fn timing_leaves_no_trace_in_the_training() {
     let memory = gpu.memory_use().current;
     let all = Variants::possible(&gpu);
     let times = tune::measure(&gpu, &input(), &settings(Tune::Again), &all).expect("timings");
-    // Both tiles are tried; those that are far slower need not be in all variants.
+    // Both tile shapes are timed; a far slower shape need not be timed in all variants.
     let tried: Vec<Variants> = times.iter().map(|t| t.0).collect();
     assert!(tried.iter().all(|form| all.contains(form)) && tried[0] == all[0], "{tried:?}");
     assert!(
@@ -54,7 +54,7 @@ fn timing_leaves_no_trace_in_the_training() {
         "{tried:?}"
     );
     assert!(times.iter().all(|t| t.1 > 0.0 && t.1.is_finite()), "{times:?}");
-    assert!(gpu.memory_use().current <= memory + (8 << 20), "buffers of the timing are left");
+    assert!(gpu.memory_use().current <= memory + (8 << 20), "buffers of the timing were not freed");
     let after = trained(&gpu);
     assert!(bits(&before) == bits(&after) && before.counters == after.counters);
     gpu.check_canaries().expect("guards are whole");
@@ -78,10 +78,10 @@ fn a_choice_is_kept_and_a_damaged_file_is_replaced() {
     assert!(again.to_string().contains("`tune` again"), "{again}");
     assert!(timed(&tuned(&settings(Tune::Again))), "asked to time again");
 
-    // Another size is another entry; what is kept of this one stays.
+    // Another size is another entry; the entry of this size stays.
     let large = plane_scene::input(2, 48, 40, 4000);
     assert_ne!(SizeClass::of(&large, 1), SizeClass::of(&input(), 1));
-    assert_ne!(SizeClass::of(&large, 1), SizeClass::of(&large, 4), "steps that look at a quarter");
+    assert_ne!(SizeClass::of(&large, 1), SizeClass::of(&large, 4), "steps of a quarter of a photograph");
     let other = tune::tuned(&gpu, &large, &auto, Some(&cache)).expect("a choice");
     assert!(timed(&other));
     assert_eq!(tuned(&auto).why, Why::Kept);
@@ -96,12 +96,12 @@ fn a_choice_is_kept_and_a_damaged_file_is_replaced() {
         assert!(warning.contains("forms.json") && warning.contains("made anew"), "{warning}");
         assert_eq!(tuned(&auto).why, Why::Kept);
     }
-    // Of another driver, or a variant that this device cannot run: as if it were not there.
+    // Entries of another driver, or of a variant that this device cannot run, are ignored.
     for (from, to) in [("\"driver\": \"", "\"driver\": \"other "), ("\"tile\": \"", "\"tile\": \"hexagonal ")] {
         fs::write(&file, fs::read_to_string(&file).expect("a file").replace(from, to)).expect("written");
         assert!(timed(&tuned(&auto)), "{to}");
     }
-    // A folder that cannot be written costs the keeping, not the training.
+    // A folder that cannot be written is a warning, and timing works.
     let file = folder.path().join("file");
     fs::write(&file, "").expect("written");
     let got = tune::tuned(&gpu, &input(), &auto, Some(&file.join("below"))).expect("a choice");
@@ -134,7 +134,7 @@ fn what_is_fixed_is_not_timed() {
     assert_eq!(why(&s), "no other variant is possible");
     assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 0, "nothing was timed, so nothing is kept");
 
-    // A part is named: the rest is timed, and not kept for those who name nothing.
+    // With a named part the rest is timed, and is no entry for runs that name nothing.
     s.blending.tile_shape = Some(TileShape::Pixel);
     s.stepping.gradient_sum = None;
     let tuned = tune::tuned(&gpu, &input(), &s, Some(folder.path())).expect("a choice");

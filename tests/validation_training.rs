@@ -1,5 +1,5 @@
 //! Training with every watcher on: the Khronos layer (core and synchronization), the hazard checker, and the guards
-//! behind buffers. Not one message; and each barrier of each event is one that the checker would miss.
+//! behind buffers. There must be no message, and the checker must report a hazard without any barrier of an event.
 
 mod common;
 
@@ -34,7 +34,7 @@ fn settings() -> Settings {
     s
 }
 
-/// What a training went through.
+/// Events of a training.
 #[derive(Debug, Default)]
 struct Seen {
     steps: u32,
@@ -44,7 +44,7 @@ struct Seen {
     evaluations: u32,
 }
 
-/// Trains until `stop` was told, or to the end; gives what a restart needs.
+/// Trains until the message `stop`, or to the end; gives the state for a restart.
 fn train(
     gpu: &Gpu,
     input: &Input,
@@ -53,8 +53,8 @@ fn train(
     stop: Option<u32>,
     seen: &mut Seen,
 ) -> Restart {
-    // As many splats as there are and next to no pairs: both must grow, with events in flight.
-    // And photographs in both places: uploaded in their steps after a restart.
+    // Room for the first splats and almost no pairs: both must grow, with events in flight. After a restart,
+    // photographs are uploaded in their steps.
     let photographs = if restart.is_some() { Residency::Streamed } else { Residency::Auto };
     let pacing = Pacing { splat_capacity: 1, pair_capacity: 64, photographs, ..Pacing::default() };
     let mut trainer = Trainer::new(gpu, input.clone(), settings, pacing, restart).unwrap();
@@ -113,7 +113,7 @@ fn short() -> Settings {
     s
 }
 
-/// Trains in every variant on the device, which must have nothing to say.
+/// Trains in every variant on the device, without any message.
 fn every_form(gpu: &Gpu) {
     let input = plane_scene::input(3, 40, 30, 60);
     for variants in Variants::possible(gpu) {
@@ -138,7 +138,7 @@ fn every_form_trains_without_a_message() {
     }
 }
 
-/// The layer looks for races between the threads of a workgroup, too.
+/// The layer also checks for races between the threads of a workgroup.
 #[test]
 fn every_form_trains_within_its_buffers() {
     let assisted = |options: &mut OpenOptions| {
@@ -157,15 +157,15 @@ fn checker_misses_every_barrier_of_every_event() {
     let input = plane_scene::input(3, 40, 30, 60);
     let schedule = Schedule::new(&settings, input.train.len());
     for (i, variants) in Variants::possible(&gpu).into_iter().enumerate() {
-        // Every other one with exposures, every other two with photographs uploaded in their steps.
+        // Every second variant with exposures, every other pair with photographs uploaded in their steps.
         settings.optimiser.exposure = [Exposure::Off, Exposure::Affine][i % 2];
         let photographs = [Residency::Streamed, Residency::Resident][i / 2 % 2];
         let pacing = Pacing { photographs, ..Pacing::default() };
         let mut engine = Engine::new(&gpu, &input, &settings, variants, pacing, None).unwrap();
-        // Twice, so that the second time every event has barriers against the events before.
+        // Twice, so that in the second round every event has barriers against the events before.
         for step in [3, 4] {
             for kind in [Kind::Step, Kind::Density, Kind::Reset] {
-                // The plan of a step that the optimiser takes, and of one with a density change.
+                // The plan of an optimiser step, and of a step with a density change.
                 let (event, plan) = (Event { step, kind }, schedule.step(if kind == Kind::Step { 2 } else { 3 }));
                 let mut recorder = gpu.recorder("event").unwrap();
                 engine.record(&mut recorder, event, &plan, 0).unwrap();

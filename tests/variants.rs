@@ -1,5 +1,5 @@
-//! One training under every variant of the passes: tile shapes, ways of adding gradients up, and emulated subgroups of
-//! every width learn alike; what is integer is the same bits.
+//! One training under every variant of the passes (tile shapes, sums of gradients, emulated subgroups of every width):
+//! losses are alike, and integers are equal.
 
 mod common;
 
@@ -21,7 +21,7 @@ fn settings(variants: Variants) -> Settings {
     s.run.eval_every = 0;
     s.model.sh_interval = 2;
     s.model.antialias = true;
-    // So few steps say something only when they are large.
+    // Few steps need large rates to show an effect.
     s.optimiser.lr_sh_base = 0.02;
     s.optimiser.lr_opacities = 0.1;
     s.blending.tile_shape = Some(variants.tile);
@@ -45,8 +45,7 @@ fn losses(gpu: &Gpu, input: &Input, variants: Variants) -> Vec<f32> {
     losses
 }
 
-/// The promise for gradients, 1e-3, holds for the losses of a few steps;
-/// the first step's image is the same to rounding.
+/// The losses of a few steps keep the bound of gradients, 1e-3. The first step's image is equal up to rounding.
 fn check(what: &str, got: &[f32], want: &[f32]) {
     assert_eq!(got.len(), STEPS as usize, "{what}");
     for (k, (g, w)) in got.iter().zip(want).enumerate() {
@@ -99,7 +98,7 @@ fn forms_that_the_device_cannot_run_are_refused() {
         Some(train::Error::Device(vk::Error::MissingFeature { .. }))
     ));
     assert!(start(TileShape::Column, GradientSum::Slots).is_none());
-    // What is chosen where nothing is asked for is always possible.
+    // The default variants are always possible.
     for deterministic in [false, true] {
         let mut s = settings(Variants::choose(&gpu, deterministic));
         s.run.deterministic = deterministic;
@@ -109,7 +108,7 @@ fn forms_that_the_device_cannot_run_are_refused() {
     }
 }
 
-/// The least that Vulkan asks of a device is 16 KiB.
+/// Vulkan's minimum of shared memory is 16 KiB.
 #[test]
 fn forms_with_too_much_shared_memory_are_not_chosen() {
     let Some(gpu) = common::gpu_with(|o| o.max_shared_bytes = Some(16 << 10)) else { return };
@@ -128,7 +127,7 @@ fn forms_with_too_much_shared_memory_are_not_chosen() {
     for variants in possible {
         assert!(start(variants).is_none(), "{variants}");
     }
-    // Nor does what is chosen on a device with less than any variant of pixel tiles takes, or the sort.
+    // A device with less shared memory than any variant of pixel tiles or the sort needs.
     let little = common::gpu_with(|o| {
         o.max_shared_bytes = Some(4 << 10);
         o.emulate_subgroup = Some(32);
@@ -160,7 +159,7 @@ fn what_is_possible_can_be_made_and_nothing_else() {
     }
 }
 
-/// Counts and every array of the tile lists, as far as they hold something.
+/// Counts, and the used part of every array of the tile lists.
 fn lists(gpu: &Gpu, variants: Variants, model: &Gaussians, shot: &RenderView) -> Vec<Vec<u32>> {
     let n = model.len() as u32;
     let side = variants.tile.size();
@@ -187,7 +186,7 @@ fn lists(gpu: &Gpu, variants: Variants, model: &Gaussians, shot: &RenderView) ->
         read(lists.sorted_splats, pairs),
         read(lists.tile_ranges, 2 * tiles as usize),
     ];
-    // The rest is there where gradients are summed in slots, and only there.
+    // Slots exist exactly where gradients are summed in slots.
     assert_eq!(lists.slots.is_some(), variants.gradients == GradientSum::Slots);
     if let Some(slots) = lists.slots {
         all.push(read(slots.listed, visible));

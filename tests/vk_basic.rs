@@ -1,4 +1,4 @@
-//! The device layer on small jobs: fill with garbage around, folded and indirect dispatches, copies, reads and writes.
+//! The device layer on small tasks: fills between garbage, folded and indirect dispatches, copies, reads and writes.
 
 mod common;
 
@@ -53,7 +53,7 @@ fn indirect_counts_come_from_the_device() {
     rec.upload(&args, 16, bytemuck::cast_slice(&[2_u32, 1, 1])).unwrap();
     let push = fill::Push { count: 256, value: 5 };
     rec.dispatch(&pipeline, &[&target], &push, Groups::Indirect(&args, 16)).unwrap();
-    // Zero workgroups: nothing may happen.
+    // Zero workgroups: no word may change.
     let nothing = fill::Push { count: 256, value: 6 };
     rec.dispatch(&pipeline, &[&target], &nothing, Groups::Indirect(&args, 0)).unwrap();
     rec.submit().unwrap();
@@ -114,7 +114,7 @@ fn many_submits_recycle_and_buffers_are_freed() {
     drop(sum);
     drop(pipeline);
     drop(gpu.recorder("retire"));
-    // Only the staging of nothing remains: no buffer was uploaded to.
+    // No staging memory remains, because nothing was uploaded.
     assert_eq!(gpu.memory_use().current, before);
     assert!(gpu.memory_use().peak > before);
     common::assert_no_messages(&gpu);
@@ -140,7 +140,7 @@ fn misuse_is_refused_with_names() {
     assert!(rec.is_empty());
 }
 
-/// Without a driver every test of a device would say "ok".
+/// Without a driver, every test of a device would silently pass.
 #[test]
 fn without_a_driver_a_test_says_that_it_is_skipped_or_fails() {
     let folder = tempfile::tempdir().unwrap();
@@ -164,7 +164,7 @@ fn without_a_driver_a_test_says_that_it_is_skipped_or_fails() {
     assert!(!passes && said.contains("no Vulkan driver"), "{said}");
 }
 
-/// So that no pass, and no training that goes on, can lean on zeros.
+/// New buffers are filled with NaNs on request, so that no pass and no resumed training can rely on zeros.
 #[test]
 fn new_buffers_hold_no_numbers_where_that_is_asked_for() {
     let Some(gpu) = common::gpu_with(|options| options.garbage = true) else { return };

@@ -1,4 +1,4 @@
-//! Choosing a device, what was picked and why, limits of memory, times and counters, the place of a lost device.
+//! Choice of a device and its reasons, limits of memory, times and counters, the last command before a lost device.
 
 mod common;
 
@@ -101,7 +101,7 @@ fn a_binding_past_the_devices_range_is_refused() {
     let push = fill::Push { count: 16, value: 5 };
     let error = rec.dispatch(&pipeline, &[&large], &push, Groups::Items(16)).unwrap_err();
     assert!(matches!(error, Error::BindingTooLarge { bytes, .. } if bytes == limit + 64), "{error}");
-    // Its end can be reached by a slice.
+    // A slice reaches the end of the buffer.
     rec.dispatch(&pipeline, &[large.slice(limit..limit + 64)], &push, Groups::Items(16)).unwrap();
     rec.submit().unwrap();
     assert_eq!(gpu.read_at::<u32>(&large, limit, 16).unwrap(), [5; 16]);
@@ -155,7 +155,7 @@ fn breadcrumbs_name_the_last_command_that_started() {
             rec.fill(&target, 2).unwrap();
         }
         let ticket = rec.submit().unwrap();
-        // Not `wait`: a device that was lost has its commands still in flight.
+        // Not `wait`: on a lost device, commands are still in flight.
         while !gpu.is_done(ticket).unwrap() {
             std::thread::yield_now();
         }
@@ -175,7 +175,7 @@ fn pipelines_are_kept_on_disk() {
     let files: Vec<_> = std::fs::read_dir(folder.path().join("deep")).unwrap().map(|e| e.unwrap().path()).collect();
     assert_eq!(files.len(), 1, "{files:?}");
     assert!(std::fs::metadata(&files[0]).unwrap().len() > 20);
-    // Again from the file, and from a damaged one.
+    // Read from the file, and from a damaged file.
     with_cache().unwrap().pipeline(&fill::PASS.kernel, &[]).unwrap();
     std::fs::write(&files[0], b"not a cache").unwrap();
     with_cache().unwrap().pipeline(&fill::PASS.kernel, &[]).unwrap();

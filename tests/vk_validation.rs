@@ -1,4 +1,4 @@
-//! Whether the watchers can see: the Khronos layer, the hazard checker, and the guards behind buffers.
+//! The watchers detect errors: the Khronos layer, the hazard checker, and the guards behind buffers.
 
 mod common;
 
@@ -7,7 +7,7 @@ use std::process::Command;
 use psrgs_vk::pass::{fill, subgroup_probe};
 use psrgs_vk::vk::{Buffer, Error, Gpu, Groups, Memory, OpenOptions, Recorder, Validation};
 
-/// With the validation layer; `None`, with a printed reason, where there is no driver or no layer.
+/// A device with the validation layer; `None`, with a printed reason, where there is no driver or no layer.
 fn watched(check_hazards: bool) -> Option<Gpu> {
     let options =
         OpenOptions { validation: Validation::CoreAndSync, check_hazards, ..OpenOptions::from_env().unwrap() };
@@ -99,11 +99,11 @@ fn checker_reports_a_removed_barrier_before_the_device_runs() {
         "{error}"
     );
     assert_eq!(gpu.stats().submits, 0);
-    // The engine stays usable, and knows that what it thought ordered may not be.
+    // The engine stays usable, and no longer relies on the order of the refused submit.
     write_then_read(&gpu).submit().unwrap();
 }
 
-/// Fills, copies, uploads, indirect counts, dispatches over slices, and what the host reads.
+/// Fills, copies, uploads, indirect counts, dispatches over slices, and reads by the host.
 fn everything(gpu: &Gpu, a: &Buffer, b: &Buffer, args: &Buffer, ring: &Buffer) -> Recorder {
     let fill = gpu.pipeline(&fill::PASS.kernel, &[]).unwrap();
     let probe = gpu.pipeline(&subgroup_probe::EMULATED.kernel, &[]).unwrap();
@@ -138,7 +138,7 @@ fn checker_misses_every_barrier_also_across_submits() {
         totals.push(total);
         rec.submit().unwrap();
     }
-    // From the second submit on there are also barriers against the submit before.
+    // From the second submit on, there are also barriers against the submit before.
     assert!(totals[0] >= 12 && totals[1] > totals[0] && totals[1] == totals[2], "{totals:?}");
     gpu.check_canaries().unwrap();
     common::assert_no_messages(&gpu);
@@ -179,7 +179,7 @@ fn guards_report_a_write_past_the_end() {
         Err(Error::Overrun { buffer, size, offset, value }) => {
             assert_eq!((buffer.as_str(), size, offset, value), ("victim", 400, 400, 0x77));
         }
-        other => panic!("the write past the end went unseen: {other:?}"),
+        other => panic!("the write past the end was not detected: {other:?}"),
     }
     // Reported once; the guard is whole again with the next submit.
     run(100);

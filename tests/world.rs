@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DVec3};
 use psrgs_vk::scene::Camera;
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::world::{Effects, LidarParams, Ray, Shape, Solid, Surface, World, WorldError, WorldParams};
 
 #[path = "world/dataset.rs"]
@@ -18,15 +19,6 @@ mod truth;
 pub(crate) fn small() -> WorldParams {
     let lidar = LidarParams { density: 0.1, ..LidarParams::default() };
     WorldParams { images: 8, max_side: 96, seed: 5, pixels_per_point: 40, offpath: 2, lidar, ..WorldParams::default() }
-}
-
-/// Numbers from 0 to 1.
-pub(crate) fn random(seed: u64) -> impl FnMut() -> f64 {
-    let mut state = seed;
-    move || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as f64 / f64::from(1u32 << 31)
-    }
 }
 
 /// The ray through a point of the image, from the camera's definition: the direction has camera-frame z = 1.
@@ -50,8 +42,8 @@ fn is_inside(shape: &Shape, p: DVec3) -> bool {
     }
 }
 
-/// First t at which the ray is inside the solid: candidates where it meets any bounding surface, checked by membership
-/// just behind them.
+/// First t at which the ray is inside the solid. Candidates are intersections with any bounding surface; the point just
+/// behind a candidate must be inside.
 fn first_inside(solid: &Solid, origin: DVec3, direction: DVec3) -> f64 {
     let turn = DMat3::from_rotation_z(-solid.yaw);
     let (o, d) = (turn * (origin - solid.origin), turn * direction);
@@ -93,7 +85,7 @@ fn first_below(world: &World, origin: DVec3, direction: DVec3, limit: f64) -> f6
     };
     let step = 0.03 / direction.length();
     let (_, top) = world.terrain().range();
-    // Above the highest ground there is nothing to march through.
+    // The march begins at the height of the highest ground.
     let mut t = if direction.z < 0.0 { ((top + 0.1 - origin.z) / direction.z).max(0.0) } else { 0.0 };
     while t < limit {
         if above(t + step) <= 0.0 {
@@ -109,7 +101,7 @@ fn first_below(world: &World, origin: DVec3, direction: DVec3, limit: f64) -> f6
     f64::INFINITY
 }
 
-/// Depth along a ray by the two searches above: of the solids, and of the ground.
+/// Depths along a ray by the two searches above: of the solids and of the ground.
 pub(crate) fn cast(world: &World, origin: DVec3, direction: DVec3) -> (f64, f64) {
     let solid = world.solids().iter().map(|s| first_inside(s, origin, direction)).fold(f64::INFINITY, f64::min);
     (solid, first_below(world, origin, direction, solid.min(2000.0)))
@@ -119,18 +111,18 @@ pub(crate) fn cast(world: &World, origin: DVec3, direction: DVec3) -> (f64, f64)
 fn depth_agrees_with_an_independent_ray_caster() {
     let world = World::new(&small()).unwrap();
     let (mut terrain, mut solids, mut grazing) = (0, 0, 0);
-    let mut random = random(1);
+    let mut random = Random::new(1);
     for view in world.views().iter().chain(world.offpath()) {
         let depth = world.depth(&view.camera);
         for _ in 0..60 {
-            let x = (random() * f64::from(view.camera.width)) as u32;
-            let y = (random() * f64::from(view.camera.height)) as u32;
+            let x = (random.unit() * f64::from(view.camera.width)) as u32;
+            let y = (random.unit() * f64::from(view.camera.height)) as u32;
             let (origin, direction) = ray_of(&view.camera, f64::from(x) + 0.5, f64::from(y) + 0.5);
             let (solid, ground) = cast(&world, origin, direction);
             let expected = solid.min(ground);
             let got = f64::from(depth[(y * view.camera.width + x) as usize]);
-            // The march sees no dip that it steps over and the membership test no solid crossed in less than 1e-7: both
-            // need a ray that touches an edge. Such rays are counted, and must be rare.
+            // The march misses dips within a step, and the membership test misses solids crossed in less than 1e-7.
+            // Both need a ray that touches an edge. Such rays are counted and must be rare.
             if (got - expected).abs() > 1e-6 * expected {
                 let moved = ray_of(&view.camera, f64::from(x) + 0.5005, f64::from(y) + 0.5005);
                 let near = world.trace(&Ray { origin: moved.0, direction: moved.1 }).map_or(0.0, |h| h.t);
@@ -145,7 +137,7 @@ fn depth_agrees_with_an_independent_ray_caster() {
         }
     }
     assert!(grazing <= 2, "{grazing} rays touch edges");
-    assert!(terrain > 80 && solids > 80, "both kinds of surface are seen: {terrain} ground, {solids} solid");
+    assert!(terrain > 80 && solids > 80, "too few rays of a kind of surface: {terrain} ground, {solids} solid");
 }
 
 #[test]
@@ -154,7 +146,7 @@ fn hits_lie_on_their_surface_and_normals_face_the_ray() {
     let camera = &world.views()[6].camera;
     for k in 0..400u32 {
         let (origin, direction) = ray_of(camera, f64::from(k % 20) * 4.7 + 1.3, f64::from(k / 20) * 3.5 + 1.1);
-        let hit = world.trace(&Ray { origin, direction }).expect("the ground has no end in sight");
+        let hit = world.trace(&Ray { origin, direction }).expect("the ground extends beyond the view");
         let p = origin + direction * hit.t;
         assert!((hit.normal.length() - 1.0).abs() < 1e-9);
         assert!(hit.normal.dot(direction) < 1e-9, "{:?}", hit.surface);
@@ -214,11 +206,11 @@ fn photographs_depend_on_parameters_only() {
     ] {
         let left = places(&with(change));
         assert!(left.len() < all);
-        // What is left is where it was, in the same order.
+        // The remaining solids keep their places and their order.
         let mut before = everything.iter();
         assert!(left.iter().all(|place| before.any(|p| p == place)), "something was moved");
     }
-    // Others change the look of what is there, somewhere: geometry and all else stay.
+    // Other effects change colours somewhere. Geometry and all else stay.
     for change in [
         (|e: &mut Effects| e.text = false) as fn(&mut Effects),
         |e| e.repeats = false,

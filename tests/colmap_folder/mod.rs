@@ -162,7 +162,7 @@ impl Folder {
         }
     }
 
-    /// One photograph per image at the size of its camera, each of its own colour.
+    /// One photograph per image, in the size of its camera and in a colour of its own.
     pub(crate) fn write_photographs(&self, folder: &Path) {
         for (i, image) in self.images.iter().enumerate() {
             let camera = self.cameras.iter().find(|c| c.id == image.camera).expect("camera");

@@ -1,5 +1,4 @@
-//! Data that cannot be used: each has its exit code and a message that says what is wrong and where,
-//! and nothing panics.
+//! Unusable data: each kind has an exit code and a message with fault and place, and nothing panics.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +7,7 @@ use psrgs_vk::world::{WorldParams, generate};
 
 use crate::run::{command, copy_of, fails, psrgs, shared, stderr, text, works};
 
-/// Trains for a moment.
+/// Arguments of a training of a few steps.
 fn train<'a>(data: &'a Path, out: &'a Path) -> [&'a str; 7] {
     ["train", text(data), "--out", text(out), "--iterations", "3", "-q"]
 }
@@ -34,15 +33,15 @@ fn damaged_datasets_are_told_apart() {
             &["view_0002.jpg", "1x1", "64x48", "too small"],
         ),
         (
-            "a photograph that is none",
+            "a file that is no photograph",
             |data| fs::write(data.join("images/view_0001.jpg"), "no picture").expect("written"),
             &["view_0001.jpg"],
         ),
         (
-            "a camera of a model that is not known",
+            "a camera of an unknown model",
             |data| {
-                // Number of cameras (8 bytes), the camera's id (4), its model (4): 7 is FOV,
-                // which has a parameter more.
+                // Number of cameras (8 bytes), id of the camera (4), its model (4): 7 is FOV, which has one more
+                // parameter.
                 let file = data.join("sparse/0/cameras.bin");
                 let mut bytes = fs::read(&file).expect("cameras");
                 bytes[12] = 7;
@@ -139,7 +138,7 @@ fn too_little_device_memory_has_its_code() {
     let output = psrgs(&args);
     assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
     assert!(stderr(&output).contains("out of device memory") && stderr(&output).contains("--max-side"));
-    // The variable is written as the option is.
+    // The environment variable has the form of the option.
     let limited = command(&train(&data, &out)).env("PSRGS_MAX_DEVICE_MEMORY", "100KiB").output().expect("a process");
     assert_eq!(limited.status.code(), Some(5), "{}", stderr(&limited));
 }
@@ -174,14 +173,14 @@ fn without_points_training_starts_from_random_ones_and_says_so() {
     fs::remove_file(data.path().join("sparse/0/points3D.bin")).expect("removed");
     let said = works(&train(data.path(), &data.path().join("run"))[..6]);
     assert!(said.contains("random points") && said.contains("lower quality"), "{said}");
-    // As which of the formats it was read, and that a device without a GPU made the choice of a preset.
+    // The message names the format, and says that the preset follows from the CPU device.
     assert!(said.contains(": colmap dataset, 7 photographs to train on, 2 held out"), "{said}");
     assert_eq!(
         said.contains("preset quick, because this is a CPU device: 640 px, 3 steps"),
         said.contains("(CPU)"),
         "{said}"
     );
-    // Who trains nothing is not told how a training would begin.
+    // Commands that do not train do not say how a training would begin.
     let (model, depths) = (shared.model(), data.path().join("depths"));
     for args in [&["eval", text(&model), text(data.path())][..], &["stereo", text(data.path()), "--out", text(&depths)]]
     {
@@ -208,7 +207,7 @@ fn a_dataset_is_checked_before_it_is_trained() {
     let training = &found["training"];
     assert!(training["device_bytes"].as_u64() > Some(7 * 4 * 64 * 48), "{training}");
     assert_eq!((&training["host_short_by"], &training["photographs"]), (&0.into(), &"Resident".into()), "{training}");
-    // Steps of the preset, timed; and the words for it.
+    // The steps of the preset with a time estimate, in JSON and in words.
     let estimate = &training["estimate"];
     assert_eq!(estimate["steps"], found["iterations"]);
     assert!(estimate["seconds_per_step"].as_f64().is_some_and(|s| s > 0.0 && s.is_finite()), "{estimate}");
@@ -217,7 +216,7 @@ fn a_dataset_is_checked_before_it_is_trained() {
     for row in ["preset        standard, 70 steps", "device memory ", "host memory   of the ", "time          about "] {
         assert!(said.contains(row), "{row}: {said}");
     }
-    // Of the method that trains where none is named, which begins with splats of stereo too.
+    // Of the default method, which also begins with splats of stereo.
     assert!(said.contains("method        psrgs\n"), "{said}");
     let output = psrgs(&["check", text(data.path()), "--method", "3dgs", "--json"]);
     let plain: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
@@ -229,7 +228,7 @@ fn a_dataset_is_checked_before_it_is_trained() {
     let limited: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(splats(&limited), 1000);
     assert!(limited["training"]["device_bytes"].as_u64() < found["training"]["device_bytes"].as_u64());
-    // Too little memory is a problem that is named before anything is trained.
+    // Too little memory is reported as a problem before training.
     let output = psrgs(&["check", text(data.path()), "--host-memory", "1M", "--json"]);
     assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
     let tight: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
@@ -249,7 +248,7 @@ fn a_dataset_is_checked_before_it_is_trained() {
     for (k, v) in [-q[1], q[0], -q[3], q[2]].iter().enumerate() {
         bytes[12 + 8 * k..20 + 8 * k].copy_from_slice(&v.to_le_bytes());
     }
-    // And its translation's y and z, so that the camera stays where it is.
+    // Negated y and z of the translation: the camera keeps its centre.
     for at in [52, 60] {
         bytes[at + 7] ^= 0x80;
     }
@@ -261,7 +260,7 @@ fn a_dataset_is_checked_before_it_is_trained() {
     fails(&["check", text(data.path())], 3, &["1 of 9 photographs is missing", "view_0003.jpg"]);
 }
 
-/// What `train` refuses to begin with, `check` has told before.
+/// `check` reports what `train` refuses to begin with.
 #[test]
 fn photographs_that_nothing_can_be_trained_on_are_told_by_check() {
     let Some(shared) = shared() else { return };
@@ -279,7 +278,7 @@ fn photographs_that_nothing_can_be_trained_on_are_told_by_check() {
     let out = data.path().join("run");
     for args in [&["check", text(data.path())][..], &train(data.path(), &out)] {
         fails(args, 3, &["every photograph to train on is masked all over", "--mask-ignores"]);
-    } // Scored would be none: no table of nothing.
+    } // No photograph would be scored: an error in place of an empty table.
     let model = shared.run().join("point_cloud.ply");
     fails(
         &["eval", text(&model), text(data.path())],
@@ -288,7 +287,7 @@ fn photographs_that_nothing_can_be_trained_on_are_told_by_check() {
     );
 }
 
-/// A picture that claims what no memory holds ended the process.
+/// A picture whose header claims more pixels than memory holds.
 #[test]
 fn a_picture_beyond_the_memory_ends_no_process() {
     let Some(shared) = shared() else { return };
@@ -313,7 +312,7 @@ fn a_picture_beyond_the_memory_ends_no_process() {
     fails(&["saliency", text(&photograph), "--out", text(&out)], 3, &["view_0005.jpg"]);
 }
 
-/// Files that are no PLY, and files of servers, where a model is expected.
+/// Files of other formats, and answers of servers, in place of a model.
 #[test]
 fn a_model_of_another_format_is_told_as_what_it_is() {
     let root = tempfile::tempdir().expect("a temporary folder");
@@ -334,7 +333,7 @@ fn a_model_of_another_format_is_told_as_what_it_is() {
     }
 }
 
-/// Where the translation of an image stands in `images.bin`.
+/// Position of an image's translation in `images.bin`.
 fn translation_of(name: &str, images: &[u8]) -> usize {
     let number = |at: usize| u64::from_le_bytes(images[at..at + 8].try_into().expect("8 bytes")) as usize;
     let mut at = 8;
@@ -393,7 +392,7 @@ fn an_error_of_check_is_said_once() {
     assert!(!output.status.success());
     let said = String::from_utf8_lossy(&output.stdout).into_owned() + &stderr(&output);
     let error = said.lines().find_map(|line| line.split_once("view_0001.jpg").map(|(_, error)| error));
-    let error = error.unwrap_or_else(|| panic!("the file is not named: {said}"));
-    assert!(error.len() > 10, "no reason: {said}");
+    let error = error.unwrap_or_else(|| panic!("no line names the file: {said}"));
+    assert!(error.len() > 10, "the error has no reason: {said}");
     assert_eq!(said.matches(error).count(), 1, "{said}");
 }

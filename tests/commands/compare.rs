@@ -1,4 +1,4 @@
-//! Methods against one another.
+//! The command that compares methods.
 
 use std::fs;
 use std::process::Stdio;
@@ -25,7 +25,7 @@ fn methods_are_compared_and_a_stopped_comparison_goes_on() {
     assert_eq!(runs.lines().count(), 1 + 6, "{runs}");
     let splats: Vec<u64> =
         runs.lines().skip(1).map(|line| line.split(',').nth(10).expect("splats").parse().expect("a number")).collect();
-    // A run with a limit follows the one without. What is reconstructed stays, however low the limit.
+    // A run with a limit of splats follows the run without. Reconstructed splats stay, however low the limit.
     for (k, line) in runs.lines().skip(1).enumerate().filter(|(_, line)| line.split(',').nth(2) == Some("50")) {
         assert!(splats[k] <= splats[k - 1], "{line}");
     }
@@ -33,14 +33,14 @@ fn methods_are_compared_and_a_stopped_comparison_goes_on() {
     assert!(table.contains("| scene | lean, 50 % of 3dgs | 1 |") && table.contains("Against 3dgs"), "{table}");
     assert!(table.contains("Against lean"), "{table}");
     let page = read("compare.html");
-    assert!(page.contains("<svg") && !page.contains("http"), "the page asks for nothing from outside");
+    assert!(page.contains("<svg") && !page.contains("http"), "the page loads something from outside");
 
-    // Results of other options are not taken for those of these.
+    // Results of runs with other options are not reused.
     let other = [&args("1")[..], &["--lr-means", "0.001"]].concat();
     fails(&other, 2, &["scene-3dgs-s0", "other options", "--lr-means 0.001", "another --out"]);
     assert_eq!(runs, read("runs.csv"));
 
-    // One that was stopped before its end is trained, the others are taken as they are.
+    // A run that was stopped before its end is trained; finished runs are reused.
     let model = out.join("runs/scene-lean-s0/point_cloud.ply");
     let before = fs::metadata(&model).and_then(|m| m.modified()).expect("a model");
     fs::remove_file(out.join("runs/scene-psrgs-s0/metrics.json")).expect("metrics");
@@ -63,12 +63,12 @@ fn a_comparison_that_cannot_be_made_says_why() {
     fails(&with(&["--percent", "0"]), 2, &["--percent"]);
     fails(&with(&["--split", "none"]), 2, &["--split none", "held out"]);
     fails(&with(&["/nowhere/scene"]), 3, &["/nowhere/scene"]);
-    // Runs are named after folders, and nothing has been trained when that is told.
+    // Runs are named after folders: two folders of one name are an error before any training.
     let other = folder.path().join("other/scene");
     fs::create_dir_all(&other).expect("a folder");
     fails(&with(&[text(&other).to_owned().leak()]), 2, &[text(&data), text(&other), "rename"]);
     assert!(!out.exists());
-    // A training has its own code for what went wrong.
+    // The exit code is that of the failed training.
     fails(&with(&["--methods", "3dgs", "--", "--lambda-dssim", "7"]), 2, &["lambda-dssim", "scene-3dgs-s0"]);
     fails(&with(&["--methods", "lean", "--ablate", "psrgs"]), 2, &["--ablate"]);
     fails(&with(&["--ablate", "gsplat"]), 2, &["--ablate", "gsplat", "psrgs-paper"]);
@@ -93,7 +93,7 @@ fn rsgs_takes_the_scan_of_the_dataset_or_says_that_it_had_none() {
     assert!(made.contains("| scene | rsgs (MVS cloud, no LiDAR) | 1 |"), "{made}");
 }
 
-/// A stop reaches the training, which saves, and is waited for.
+/// A stop reaches the training. The comparison waits until the training has saved.
 #[cfg(unix)]
 #[test]
 fn a_comparison_that_is_stopped_leaves_no_training_behind() {
@@ -127,7 +127,7 @@ fn a_comparison_that_is_stopped_leaves_no_training_behind() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(130), "{said}");
     assert!(said.contains("stopped; the same command goes on from here"), "{said}");
-    assert!(saved(), "nothing is kept");
-    // The run is no longer held by anybody.
+    assert!(saved(), "no checkpoint was saved");
+    // No process holds the lock of the run.
     fails(&["train", "--resume", text(&run), "--iterations", "1"], 2, &["--iterations"]);
 }

@@ -1,5 +1,5 @@
-//! Machines on which no Vulkan device can be used: every command that needs one says so with its own code,
-//! and what to do.
+//! Machines without a usable Vulkan device: every command that needs one fails with the exit code of a missing device
+//! and a message with a remedy.
 
 use std::fs;
 use std::path::Path;
@@ -11,7 +11,7 @@ use psrgs_vk::world::{WorldParams, generate};
 use crate::common;
 use crate::run::{command, stderr, text};
 
-/// Runs a command on a machine whose loader is told to use this driver and no other; must fail as for want of a device.
+/// Runs a command with this Vulkan driver alone, and checks that the command fails for want of a device.
 #[track_caller]
 fn without_device(args: &[&str], driver: &Path) -> String {
     let mut command = command(args);
@@ -48,8 +48,7 @@ fn a_driver_that_cannot_be_read_or_loaded_is_no_device() {
         fs::write(&file, content).expect("written");
         drivers.push(file);
     }
-    // Drivers of GPUs that are not in this machine, where they are installed: the loader reads them,
-    // and they find no device.
+    // Installed drivers of GPUs that are not in this machine: the loader reads them, and they find no device.
     let installed = ["radeon_icd.x86_64.json", "intel_icd.x86_64.json", "nouveau_icd.x86_64.json"];
     let gpus = Path::new("/dev/dri").exists();
     let installed = installed.map(|name| Path::new("/usr/share/vulkan/icd.d").join(name));
@@ -62,7 +61,7 @@ fn a_driver_that_cannot_be_read_or_loaded_is_no_device() {
     }
 }
 
-/// Chromium's packages bring a driver whose device can do nothing.
+/// Chromium's packages bring a driver with a mock device, which lacks all features.
 #[test]
 fn a_device_that_lacks_features_is_named_with_those_features() {
     let library = Path::new("/usr/lib/chromium/libVkICD_mock_icd.so");
@@ -103,7 +102,7 @@ fn every_command_that_needs_a_device_says_that_there_is_none() {
         &["eval", model, data],
         &["stereo", data, "--out", out],
         &["bench", data],
-        // Not only when the scene is made, minutes later.
+        // Reported at once, not after minutes of making the scene.
         &["demo", "--out", out, "--images", "60", "--max-side", "4000"],
         &["compare", data, "--out", out, "--methods", "3dgs", "--seeds", "1", "--iterations", "1"],
     ] {

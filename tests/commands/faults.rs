@@ -1,5 +1,5 @@
-//! What befalls a training from outside, disks apart: photographs that go away, a device that is lost or too small,
-//! a second run.
+//! Faults from outside a training, except those of disks: photographs that vanish, a device that is lost or too small,
+//! a second run in the folder.
 #![cfg(unix)]
 
 use std::fs;
@@ -10,7 +10,7 @@ use psrgs_vk::format::checkpoint;
 use crate::run::{Running, command, content, copy_folder, copy_of, fails, psrgs, shared, stderr, strs, text, works};
 use crate::training::same_model;
 
-/// Options of a run that saves often and says so.
+/// Options of a run that saves often and logs each checkpoint.
 const SAVES: [&str; 3] = ["--checkpoint-every", "15", "-v"];
 
 fn with(mut args: Vec<String>, more: &[&str]) -> Vec<String> {
@@ -18,7 +18,7 @@ fn with(mut args: Vec<String>, more: &[&str]) -> Vec<String> {
     args
 }
 
-/// The step of the newest checkpoint, which must be whole.
+/// The step of the newest checkpoint. Panics where that checkpoint is damaged.
 #[track_caller]
 fn saved(out: &Path) -> u64 {
     let found = checkpoint::latest(&out.join("checkpoints")).expect("readable").expect("a checkpoint");
@@ -26,7 +26,7 @@ fn saved(out: &Path) -> u64 {
     found.step
 }
 
-/// Optimised builds have no option to keep no photographs.
+/// Optimised builds have no option to keep no photographs in memory.
 #[cfg(debug_assertions)]
 #[test]
 fn missing_photographs_end_a_training_that_reads_them_again() {
@@ -39,7 +39,7 @@ fn missing_photographs_end_a_training_that_reads_them_again() {
                 copy_folder(images, &images.with_extension("away"));
                 for name in (0..9).map(|i| images.join(format!("view_{i:04}.jpg"))) {
                     let bytes = fs::read(&name).expect("a photograph");
-                    // Never missing meanwhile, which would be told instead.
+                    // Replaced by renaming, so that the file is never missing.
                     let cut = images.join("cut");
                     fs::write(&cut, &bytes[..bytes.len() / 2]).expect("written");
                     fs::rename(cut, name).expect("moved");
@@ -63,7 +63,7 @@ fn missing_photographs_end_a_training_that_reads_them_again() {
         assert!(told && said.contains("images/view_") && said.contains(words), "{said}");
         assert!(saved(&out) >= 15 && !out.join("point_cloud.ply").exists(), "{said}");
 
-        // Resumed without them it says so and changes nothing; with them it ends as if nothing had been.
+        // A resumption without the photographs fails and changes no file. With them the run ends with the same model.
         let before = content(&out);
         let output = psrgs(&["train", "--resume", text(&out)]);
         assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
@@ -101,7 +101,7 @@ fn a_lost_device_ends_the_training_and_it_goes_on() {
     let args = with(shared.train(&out), &[&SAVES[..], &["--lose-device-at", "40"]].concat());
     fails(&strs(&args), 6, &["device lost in vk", "recordings", "saved up to step 30", "--resume"]);
     assert!(saved(&out) == 30 && !out.join("point_cloud.ply").exists());
-    // At once, and with nothing saved.
+    // The device is lost at the first step, before anything is saved.
     let none = folder.path().join("none");
     let args = with(shared.train(&none), &["--lose-device-at", "1"]);
     fails(&strs(&args), 6, &["device lost", "no checkpoint"]);
@@ -117,7 +117,7 @@ fn a_second_run_in_the_same_folder_touches_nothing() {
     let args = with(shared.train(&out), &SAVES);
     let mut running = Running::new(&strs(&args));
     running.until("step 15: saved");
-    // Held still, so that what changes is the second one's doing.
+    // The first run is stopped, so that only the second run could change files.
     running.signal("-STOP");
     let before = content(&out);
     let words = [text(&out), "another run is writing here", "another --out"];
@@ -148,7 +148,7 @@ fn a_run_that_fails_to_start_leaves_the_earlier_run_whole() {
     assert!(content(&out) == before, "a run that failed has changed a file");
 }
 
-/// The splats of a run that goes on are those of its checkpoint.
+/// A resumed run takes its splats from the checkpoint.
 #[test]
 fn a_run_goes_on_without_the_file_that_it_began_with() {
     let Some(shared) = shared() else { return };
@@ -184,7 +184,7 @@ fn running_out_of_device_memory_ends_training_with_a_checkpoint() {
         let ends = ["train", text(&data), "--out", text(&out), "--overwrite", "-q", "--max-device-memory", &limit];
         psrgs(&[&ends[..], &swelling].concat())
     };
-    // What it takes to begin is in the complaint; how much more the pairs take before the splats swell is found by
+    // The message has the bytes that the start needs. The further bytes of the pairs before splats swell are found by
     // trying.
     let said = stderr(&run(1 << 16));
     let needs = said.split("the training needs ").nth(1).and_then(|rest| rest.split(',').next()).unwrap_or_default();
@@ -193,7 +193,7 @@ fn running_out_of_device_memory_ends_training_with_a_checkpoint() {
     let least = (number.parse::<f64>().expect("a number") * unit) as u64;
     let tried = (1..16).map(|more| least + more * (64 << 10)).map(|limit| (limit, run(limit)));
     let late = tried.into_iter().find(|(_, output)| stderr(output).contains("is saved in"));
-    let (limit, output) = late.expect("a limit that is met on the way");
+    let (limit, output) = late.expect("a limit that is reached during training");
     let said = stderr(&output);
     println!("{limit} bytes: {said}");
     assert_eq!(output.status.code(), Some(5), "{said}");
@@ -219,7 +219,7 @@ fn a_damaged_checkpoint_is_told_and_the_one_before_it_taken() {
     running.end();
     let files: Vec<PathBuf> = content(&out.join("checkpoints")).into_keys().filter(|f| is_checkpoint(f)).collect();
     let [more @ .., older, newest] = files.as_slice() else { panic!("{files:?}") };
-    // Killed before the oldest was removed.
+    // As after a kill before the oldest checkpoint was removed.
     more.iter().for_each(|file| fs::remove_file(file).expect("removed"));
     let cut = |file: &Path| {
         let whole = fs::read(file).expect("a checkpoint");
@@ -243,7 +243,7 @@ fn is_checkpoint(file: &Path) -> bool {
     file.extension().is_some_and(|e| e == "ckpt")
 }
 
-/// Compiled pipelines and timings are kept between runs where that is possible.
+/// Compiled pipelines and timings are cached between runs where the cache can be written.
 #[test]
 fn a_cache_that_cannot_be_written_does_not_stop_a_training() {
     let Some(shared) = shared() else { return };
@@ -257,7 +257,8 @@ fn a_cache_that_cannot_be_written_does_not_stop_a_training() {
     assert!(out.join("point_cloud.ply").exists());
 }
 
-/// Settings that no step depends on are taken, with a line; others are named with both values, and nothing is lost.
+/// A changed setting that no step depends on is used and logged. Any other change is refused with both values, and
+/// the files of the run stay.
 #[test]
 fn an_edited_settings_file_is_compared_with_the_checkpoint() {
     let Some(shared) = shared() else { return };
@@ -277,7 +278,7 @@ fn an_edited_settings_file_is_compared_with_the_checkpoint() {
     for (from, to, words) in [
         ("seed = 3", "seed = 4", ["seed is 4 and was 3", ".ckpt"]),
         ("densify-until = 120", "densify-until = 110", ["densify-until is 110 and was 120", ".ckpt"]),
-        // A stage of all steps that is over would begin again, or its end has passed.
+        // Fewer steps than were trained.
         ("iterations = 150", "iterations = 20", ["--iterations 20", "at step"]),
     ] {
         edit(from, to);
@@ -291,7 +292,7 @@ fn an_edited_settings_file_is_compared_with_the_checkpoint() {
     same_model(shared, &out, "resumed with another setting that no step depends on");
 }
 
-/// As a learning rate that is too high leaves them, and a checkpoint that somebody has changed.
+/// From a learning rate that is too high, and from a checkpoint with changed values.
 #[test]
 fn splats_that_are_not_finite_do_not_reach_the_model() {
     let Some(shared) = shared() else { return };
@@ -312,7 +313,7 @@ fn splats_that_are_not_finite_do_not_reach_the_model() {
     assert!(said.contains(&format!("2 of {all} splats have values that are not finite")), "{said}");
     let (model, data, pictures) = (out.join("point_cloud.ply"), shared.data(), folder.path().join("pictures"));
     works(&["render", text(&model), "--cameras", text(&data), "--out", text(&pictures), "--strict"]);
-    // What is there stays where nothing could be written in its place.
+    // The earlier model stays where the new one cannot be written.
     let before = fs::read(&model).expect("a model");
     spoil(&mut |means| means.fill(f32::NAN));
     fails(&["train", "--resume", text(&out)], 8, &["point_cloud.ply", "none of", "finite"]);

@@ -40,7 +40,7 @@ fn pictures_gradients_and_trainings_have_a_time_and_an_error() {
         assert!(settings.iter().any(|s| s["dominated"] == false), "{table}");
         assert_eq!(settings.iter().filter(|s| s["default"] == true).count(), 1, "{table}");
     }
-    // What is left out shows, and what is not does not.
+    // A shortcut has an error, and the default has almost none.
     let error = |name: &str| setting(&tables[1], name)["error"].as_f64().expect("a number");
     assert!(error("default") < 2e-5, "{}", error("default"));
     assert!(error("spherical harmonics of 16 bits") >= error("default"));

@@ -1,5 +1,5 @@
-//! Disks that are full or read-only, and folders that go away: exit code 8, the file and the reason are told, what was
-//! saved stays, and with room the training goes on to the same bits.
+//! Disks that are full or read-only, and folders that vanish: exit code 8 and a message with file and reason. Saved
+//! checkpoints stay, and with room on the disk the training resumes to the same bits.
 #![cfg(unix)]
 
 use std::fs;
@@ -15,7 +15,7 @@ use crate::training::same_model;
 
 const FULL: &str = "No space left on device";
 
-/// Nothing half-written is there, under no name.
+/// Checks that `out` has no half-written file under any name.
 #[track_caller]
 fn nothing_half_written(out: &Path) {
     let left: Vec<PathBuf> = content(out).into_keys().filter(|f| f.extension().is_some_and(|e| e == "tmp")).collect();
@@ -30,7 +30,7 @@ fn a_disk_that_fills_up_while_saving_costs_no_checkpoint() {
     works(&strs(&shared.train_for(15, &first, &["-q"])));
     let bytes = fs::metadata(first.join("checkpoints").join(checkpoint::file_name(15))).expect("the last step").len();
 
-    // Room for two, and a third is written before the oldest goes.
+    // Room for two checkpoints; the third is written before the oldest is removed.
     const BALLAST: u64 = 24 << 20;
     let Some(disk) = Disk::of(BALLAST + on_disk(5 * bytes / 2) + 4 * PAGE) else { return };
     let ballast = disk.ballast(BALLAST);
@@ -43,7 +43,7 @@ fn a_disk_that_fills_up_while_saving_costs_no_checkpoint() {
     assert!(saved.damaged.is_empty() && [15, 30].contains(&saved.step), "{}", saved.step);
     let before = content(&out.join("checkpoints"));
 
-    // Nothing changes as long as there is no room.
+    // A resumption on the full disk changes no file.
     fails(&["train", "--resume", text(&out), "-q"], 8, &[FULL, "--resume"]);
     assert!(content(&out.join("checkpoints")) == before, "a checkpoint has changed");
     fs::remove_file(ballast).expect("removed");
@@ -58,7 +58,7 @@ fn results_that_find_no_room_are_written_when_there_is_some() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let whole = folder.path().join("whole");
     works(&strs(&shared.train_for(3, &whole, &["-q"])));
-    // In the order in which they are written.
+    // In the order of writing.
     let (model, metrics, report) = ("point_cloud.ply", "metrics.json", "report.html");
     let saved = format!("checkpoints/{}", checkpoint::file_name(3));
     let mut order = vec![whole.join("settings.toml"), whole.join(&saved), whole.join(model), whole.join("frame.json")];
@@ -89,14 +89,14 @@ fn results_that_find_no_room_are_written_when_there_is_some() {
     }
 }
 
-/// The same for a user who may not mount anything: files that may not grow past some kilobytes.
+/// For users who may not mount a file system: a limit on the size of files.
 #[test]
 fn a_file_that_may_not_grow_ends_the_training() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("run");
     let args = shared.train_for(3, &out, &["-q"]);
-    // Without the signal's default, which is to end the process.
+    // SIGXFSZ is ignored: its default action ends the process.
     let limited = |args: &[&str]| {
         let limit = ["-c", "trap '' XFSZ; ulimit -f 64; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_psrgs-vk")];
         Command::new("sh").args(limit).args(args).output().expect("sh runs")

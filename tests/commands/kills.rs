@@ -1,5 +1,5 @@
-//! Runs that are killed at random moments, also while a checkpoint is being written, and resumed until they end: the
-//! files are those of a run that nobody disturbed.
+//! Runs that are killed at random moments, also while writing a checkpoint, and resumed until they end. Their files
+//! equal those of an undisturbed run.
 #![cfg(unix)]
 
 use std::collections::BTreeSet;
@@ -16,8 +16,8 @@ use crate::common;
 use crate::common::splats::seeded;
 use crate::run::{command, stderr, text};
 
-/// All parts of the method that have a state: stereo, growth, learned widths of the filter, the constrained set,
-/// perceptual distance, exposures; and a checkpoint every few steps.
+/// All parts of the method that have a state (stereo, growth, learned widths of the filter, the constrained set,
+/// perceptual distance, exposures), and a checkpoint every few steps.
 pub(crate) const OPTIONS: &str = "--method psrgs-paper --deterministic --iterations 40 --densify-from 5 \
                        --densify-interval 6 --densify-until 32 --set low-grad-threshold=2e-3 --grad-threshold 1e-3 \
                        --prune-opacity 0.02 --exposure affine --set stereo-side=32 --stereo-splats 200 --set \
@@ -26,9 +26,9 @@ pub(crate) const OPTIONS: &str = "--method psrgs-paper --deterministic --iterati
 /// When a run is killed.
 #[derive(Debug)]
 enum Moment {
-    /// So long after its start.
+    /// This long after the start of the run.
     After(Duration),
-    /// So long after something began to be written for the n-th time.
+    /// This long after the n-th write of a file began.
     Writing(u32, Duration),
 }
 
@@ -41,7 +41,8 @@ impl Moment {
         }
     }
 
-    /// Waits for it; `false` where the process has ended before. `before` has left what is half written at its start.
+    /// Waits for the moment; `false` where the process ends earlier. `before` holds the half-written files of earlier
+    /// runs.
     fn comes(&self, child: &mut Child, out: &Path, mut before: BTreeSet<PathBuf>) -> bool {
         let started = Instant::now();
         let mut times = 0;
@@ -67,7 +68,7 @@ impl Moment {
     }
 }
 
-/// Files that are being written, or were when a run was killed.
+/// Files that are being written, or that a killed run left half written.
 fn unfinished(out: &Path) -> BTreeSet<PathBuf> {
     let entries =
         [out.to_owned(), out.join("checkpoints")].map(|folder| fs::read_dir(folder).into_iter().flatten().flatten());
@@ -75,7 +76,7 @@ fn unfinished(out: &Path) -> BTreeSet<PathBuf> {
     files.filter(|file| file.extension().is_some_and(|e| e == "tmp")).collect()
 }
 
-/// The results, without what a clock or the system has told.
+/// The results, without times and memory use.
 #[derive(PartialEq)]
 struct Results {
     files: Vec<(&'static str, Vec<u8>)>,
@@ -103,7 +104,7 @@ impl Results {
     }
 }
 
-/// Kills runs so many times, and resumes each until it ends.
+/// Kills runs `kills` times in all, and resumes each until it ends.
 fn killed_and_resumed(kills: u32) {
     if common::gpu().is_none() {
         return;
@@ -143,7 +144,7 @@ fn killed_and_resumed(kills: u32) {
     let started = Instant::now();
     let said = ends(run(&whole), "undisturbed");
     let time = started.elapsed();
-    // The parts did take part.
+    // All parts were active.
     let changes: Vec<&str> = said.lines().filter(|line| line.contains(" cloned, ")).collect();
     let (grown, pruned) = (|line: &&str| !line.contains(" 0 split"), |line: &&str| !line.contains(" 0 pruned"));
     assert!(changes.iter().any(grown) && changes.iter().any(pruned), "{said}");
@@ -163,7 +164,7 @@ fn killed_and_resumed(kills: u32) {
                 break;
             }
             child.kill().expect("killed");
-            // What it was asked to do may just have been done.
+            // The run may have ended just before the signal.
             let killed = child.wait_with_output().expect("an end").status.code().is_none();
             let half = killed && !unfinished(&out).is_subset(&before);
             done += u32::from(killed);
@@ -172,7 +173,7 @@ fn killed_and_resumed(kills: u32) {
         }
         assert!(unfinished(&out).is_empty(), "seed {seed}, run {runs}: a half written file is left");
         expected.assert_same(&Results::of(&out), &format!("seed {seed}, run {runs}"));
-        // The next run begins with nothing.
+        // The next run begins in an empty folder.
         fs::remove_dir_all(&out).expect("removed");
     }
     println!(
@@ -187,7 +188,7 @@ fn runs_killed_at_5_random_moments_end_with_the_same_bits() {
     killed_and_resumed(5);
 }
 
-/// Minutes.
+/// Takes minutes.
 #[test]
 #[ignore = "the long form of the test with 5"]
 fn runs_killed_at_50_random_moments_end_with_the_same_bits() {

@@ -39,7 +39,7 @@ fn clouds_that_cannot_be_used_say_why() {
     fails(&[&ends[..], &SHORT].concat(), 2, &["lidar", "mvs", "LAZ"]);
     with(&folder.path().join("gone.las"), 3, &["gone.las", "open"]);
 
-    // The same scan in the coordinates of a map: both boxes are told.
+    // The same scan in the coordinates of a map: the message has the bounding boxes of both.
     let cloud = Cloud::read(&data.join("lidar.ply")).expect("a cloud");
     let positions = cloud.positions.iter().map(|[x, y, z]| [x + 5e5, y + 4.6e6, *z]).collect();
     let moved = folder.path().join("utm.ply");

@@ -1,4 +1,4 @@
-//! What a training takes of the host's memory.
+//! Host memory of a training.
 
 use std::fs;
 
@@ -10,13 +10,13 @@ use crate::run::{fails, psrgs, shared, stderr, text};
 
 const MIB: u64 = 1 << 20;
 
-/// What does not fit is not begun: neither by the command that trains, nor by those that look or compare.
+/// A dataset that does not fit is refused at the start, by `train` and by the other commands.
 #[test]
 fn a_training_beyond_the_memory_that_may_be_used_is_refused() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("run");
-    // Less than the process takes without a single photograph.
+    // Less than the process takes without any photograph.
     let less = ["--host-memory", "1M"].map(str::to_owned);
     let args: Vec<String> = shared.train(&out).into_iter().chain(less).collect();
     let words =
@@ -25,14 +25,14 @@ fn a_training_beyond_the_memory_that_may_be_used_is_refused() {
     assert!(!out.join("point_cloud.ply").exists());
     let (data, depths) = (shared.data(), folder.path().join("depths"));
     fails(&["stereo", text(&data), "--out", text(&depths), "--host-memory", "1M"], 5, &["out of host memory"]);
-    // A photograph that takes more by itself is named.
+    // A single photograph that needs more is named.
     for args in [&["check", text(&data)][..], &["eval", text(&shared.model()), text(&data)], &["train", text(&data)]] {
         let words = ["images/view_000", "64x48", "may be used", "--host-memory"];
         fails(&[args, &["--host-memory", "10K"]].concat(), 5, &words);
     }
 }
 
-/// Photographs that take more than the budget, and the largest resident set that the process had.
+/// Photographs larger than the budget; measured is the peak of the process's resident set.
 #[test]
 fn the_budget_holds_with_photographs_larger_than_it() {
     if common::gpu().is_none() {
@@ -56,7 +56,7 @@ fn the_budget_holds_with_photographs_larger_than_it() {
     }
     let decoded = names.len() as u64 * 4 * u64::from(width) * u64::from(height);
     assert!(decoded > BUDGET);
-    // Depths are found of them first, which looks at all of them.
+    // The second run begins with depths by stereo, which reads all photographs.
     for (run, more) in [("plain", &[][..]), ("depths", &["--depth-prior", "stereo", "--set", "stereo-side=48"])] {
         let out = root.path().join(run);
         let budget = BUDGET.to_string();

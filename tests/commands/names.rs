@@ -1,4 +1,4 @@
-//! Photographs whose names are long, or of which several come to one when the extension is left out.
+//! Photographs with long names, and photographs whose names differ in the extension alone.
 
 use std::fs;
 use std::path::Path;
@@ -18,7 +18,7 @@ fn rename(data: &Path, from: &str, to: &str) {
     fs::rename(data.join("images").join(from), file).expect("renamed");
 }
 
-/// Those of a folder that end so.
+/// Names of files in `folder` that end with `end`.
 fn ending(folder: &Path, end: &str) -> Vec<String> {
     let names = fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").file_name());
     names.filter_map(|name| name.into_string().ok()).filter(|name| name.ends_with(end)).collect()

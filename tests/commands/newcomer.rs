@@ -1,4 +1,4 @@
-//! What someone does who is new to it: each mistake has its exit code, and a message with the place and what to do.
+//! Mistakes of newcomers: each has its exit code and a message with place and remedy.
 
 use std::fs;
 use std::path::Path;
@@ -40,7 +40,7 @@ fn hints_lead_to_the_dataset_and_are_of_the_format_asked_for() {
     let Some(shared) = shared() else { return };
     let data = shared.data();
     let (real, above) = (data.canonicalize().expect("a folder"), data.parent().expect("a folder"));
-    // From inside of the dataset: it is below `..`, and above `images`.
+    // From inside the dataset, which lies below `..` and above `images`.
     for (folder, words) in [("..", "there is one in"), ("images", "the dataset is the folder above it")] {
         let output = command(&["train", folder, "--out", "none"]).current_dir(&data).output().expect("a process");
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -117,7 +117,7 @@ fn other_mistakes_are_told_with_what_to_do() {
     assert!(said.contains("masks: no mask has the name of a photograph (a.jpg.png or a.png for a.jpg)"), "{said}");
 }
 
-/// Renders are named after photographs: into their folder they would replace them.
+/// Renders are named after photographs: written into the folder of the photographs, they would replace them.
 #[test]
 fn results_do_not_replace_what_they_are_made_from() {
     let Some(shared) = shared() else { return };
@@ -141,7 +141,7 @@ fn results_do_not_replace_what_they_are_made_from() {
     assert!(content(data.path()) == before, "a refused command has changed a file");
 }
 
-/// The folder of the dataset has been replaced by another with photographs of the same names.
+/// The dataset's folder holds another dataset, with photographs of the same names.
 #[test]
 fn a_run_does_not_go_on_with_another_dataset() {
     if common::gpu().is_none() {
@@ -167,7 +167,7 @@ fn a_run_does_not_go_on_with_another_dataset() {
     works(&go_on);
 }
 
-/// A photograph that was trained on has gone, or cannot be decoded any more; one that is held out may.
+/// A training photograph that is missing or can no longer be decoded stops a resumption; a held-out one does not.
 #[test]
 fn a_run_does_not_resume_without_one_of_its_photographs() {
     if common::gpu().is_none() {
@@ -205,8 +205,7 @@ fn a_run_does_not_resume_without_one_of_its_photographs() {
     }
 }
 
-/// Stages of a training are shares of its steps: one that is over does not begin again because there are to be more
-/// steps.
+/// Stages are shares of a training's steps. A finished stage does not begin again when steps are added.
 #[test]
 fn a_stage_that_is_over_does_not_begin_again() {
     let Some(shared) = shared() else { return };

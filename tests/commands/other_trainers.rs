@@ -1,4 +1,4 @@
-//! `eval` of models that other trainers wrote: their frames, layouts, sizes and splits.
+//! `eval` of other trainers' models: frames, layouts, sizes and splits.
 
 use std::fs;
 use std::path::Path;
@@ -10,7 +10,7 @@ use crate::common;
 use crate::run::{fails, shared, text, works};
 use crate::viewing::{json, moved, psnr_bound, rgb};
 
-/// Turned about no axis of the scene, smaller, and elsewhere.
+/// A similarity with an oblique axis of rotation, a smaller scale and a translation.
 fn to_model() -> Similarity {
     let (a, b) = (0.7_f64, -1.9_f64);
     let (sa, ca, sb, cb) = (a.sin(), a.cos(), b.sin(), b.cos());
@@ -24,7 +24,7 @@ fn rows(s: &Similarity) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// A PLY as no trainer of ours writes it: big endian, doubles, no normals, another order, a property of its own.
+/// A PLY that this program does not write: big endian, doubles, no normals, another order, an unknown property.
 fn foreign(g: &Gaussians) -> Vec<u8> {
     let mut names: Vec<String> = ["opacity", "z", "y", "x", "filter_3D"].map(str::to_owned).to_vec();
     names.extend((0..45).map(|k| format!("f_rest_{k}")));
@@ -68,7 +68,7 @@ fn a_model_in_another_frame_and_layout_has_the_scores_it_had() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = |name: &str| folder.path().join(name);
-    // View-dependent colours, which a short training hardly makes.
+    // View-dependent colours, of which a short training makes few.
     let mut ours = ply::read(&shared.model()).expect("a model");
     for (k, group) in ours.gaussians.sh.iter_mut().enumerate() {
         for (at, v) in group.iter_mut().enumerate().filter(|(at, _)| k > 0 || at % 12 > 2) {
@@ -118,7 +118,7 @@ fn a_model_in_another_frame_and_layout_has_the_scores_it_had() {
             assert!(off <= bound, "{name}: PSNR off by {off:e} > {bound:e}");
         }
     }
-    // The other way round, and in the dataset's frame, it is not what it was: the test above can fail.
+    // With the inverse, or without a transform, the scores differ: the test above can fail.
     let said = works(&["eval", text(&path("theirs.ply")), text(&data)]);
     assert!(said.contains("the dataset's axes and units (assumed"), "{said}");
     let wrong = path("wrong");
@@ -171,8 +171,8 @@ fn sizes_splits_and_backgrounds_of_other_trainers_are_met() {
     fails(&eval(&["--background", "grey"]), 2, &["#rrggbb"]);
 }
 
-/// The comparison script with this program as the stand-in for a peer: the same training scores the same, and one that
-/// sees only the photographs to train on is scored on the held-out ones all the same.
+/// The comparison script with this program in place of a peer: the same training has the same scores. A peer that gets
+/// only the training photographs is scored on the held-out ones.
 #[cfg(unix)]
 #[test]
 fn the_comparison_script_alternates_scores_and_writes_a_table() {
@@ -218,7 +218,7 @@ fn the_comparison_script_alternates_scores_and_writes_a_table() {
     let (ok, said) = compare(&format!("{program} train {{train_data}} {common} --split none && {copy}"), "blind");
     assert!(ok, "{said}");
     let runs = json(&folder.path().join("against-blind.json"));
-    assert_eq!(runs["runs"][2]["test_images"], 2, "scored on the photographs it has not seen");
+    assert_eq!(runs["runs"][2]["test_images"], 2, "not scored on the held-out photographs");
     let kept = fs::read_dir(folder.path().join("work/blind/train-data/images")).expect("a folder").count();
     assert_eq!(kept, 7);
 

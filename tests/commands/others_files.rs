@@ -1,4 +1,4 @@
-//! Files of other programs in the places where a training writes.
+//! Files of other programs where a training writes.
 
 use std::fs;
 
@@ -24,7 +24,7 @@ fn a_training_never_replaces_files_of_its_dataset() {
     assert!(content(data.path()) == before, "a file has changed");
 }
 
-/// Through everything that a run removes and replaces, from its beginning to its end.
+/// A whole run, with all files that it removes and replaces.
 #[test]
 fn files_of_others_in_a_run_folder_outlast_the_next_run() {
     let Some(shared) = shared() else { return };

@@ -1,4 +1,4 @@
-//! A scene, a finished training on it, and running the command.
+//! A scene, a finished training on it, and helpers that run the program.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -32,7 +32,7 @@ pub const OPTIONS: [&str; 14] = [
     "--seed=3",
 ];
 
-/// The command with arguments, without the variables that change it.
+/// The program with arguments, without the environment variables that change its behaviour.
 pub fn command(args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_psrgs-vk"));
     command.args(args);
@@ -42,14 +42,14 @@ pub fn command(args: &[&str]) -> Command {
     command
 }
 
-/// Runs it to its end. It never panics.
+/// Runs the program to its end, and checks that it does not panic.
 pub fn psrgs(args: &[&str]) -> Output {
     let output = command(args).output().expect("the command starts");
     assert!(!stderr(&output).contains("panicked"), "{args:?}: {}", stderr(&output));
     output
 }
 
-/// Runs it, must succeed; gives what it said.
+/// Runs the program, which must succeed; gives its standard error.
 #[track_caller]
 pub fn works(args: &[&str]) -> String {
     let output = psrgs(args);
@@ -57,7 +57,7 @@ pub fn works(args: &[&str]) -> String {
     stderr(&output)
 }
 
-/// Runs it, must fail with a code and say all words.
+/// Runs the program, which must fail with the exit code `code` and a message with all `words`.
 #[track_caller]
 pub fn fails(args: &[&str], code: i32, words: &[&str]) {
     let output = psrgs(args);
@@ -68,7 +68,7 @@ pub fn fails(args: &[&str], code: i32, words: &[&str]) {
     }
 }
 
-/// A command that is on its way, and what it has said.
+/// A running command, and its standard error so far.
 pub struct Running {
     pub child: Child,
     lines: BufReader<std::process::ChildStderr>,
@@ -80,14 +80,14 @@ impl Running {
         Self::of(&mut command(args))
     }
 
-    /// The same of a command that starts it in another way.
+    /// As `new`, for a prepared command.
     pub fn of(command: &mut Command) -> Self {
         let mut child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("the command starts");
         let lines = BufReader::new(child.stderr.take().expect("a pipe"));
         Self { child, lines, said: String::new() }
     }
 
-    /// Reads on until a line has the word.
+    /// Reads standard error until a line contains `word`.
     #[track_caller]
     pub fn until(&mut self, word: &str) {
         while self.lines.read_line(&mut self.said).expect("text") > 0 {
@@ -98,13 +98,13 @@ impl Running {
         panic!("never said `{word}`: {}", self.said);
     }
 
-    /// Sends it a signal.
+    /// Sends a signal to the process.
     pub fn signal(&self, signal: &str) {
         let sent = Command::new("kill").args([signal, &self.child.id().to_string()]).status().expect("kill runs");
         assert!(sent.success());
     }
 
-    /// Its exit code (`None` after a signal), and all that it said.
+    /// The exit code (`None` after a signal), and the whole standard error.
     pub fn end(mut self) -> (Option<i32>, String) {
         self.lines.read_to_string(&mut self.said).expect("text");
         let code = self.child.wait().expect("an end").code();
@@ -113,12 +113,12 @@ impl Running {
     }
 }
 
-/// Arguments as the functions here take them.
+/// Arguments in the form that the functions here take.
 pub fn strs(args: &[String]) -> Vec<&str> {
     args.iter().map(String::as_str).collect()
 }
 
-/// Writes the files of a folder into another one.
+/// Copies the files of a folder into another folder.
 pub fn copy_folder(from: &Path, to: &Path) {
     for (file, bytes) in content(from) {
         let copy = to.join(file.strip_prefix(from).expect("inside"));
@@ -127,7 +127,7 @@ pub fn copy_folder(from: &Path, to: &Path) {
     }
 }
 
-/// A file or folder with all that is in it, by name.
+/// The bytes of a file, or of all files in a folder, by path.
 pub fn content(of: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
     if of.is_dir() {
@@ -148,8 +148,7 @@ pub fn text(path: &Path) -> &str {
     path.to_str().expect("UTF-8")
 }
 
-/// A scene of nine photographs, 64 x 48, of which the first and the last are held out,
-/// and a training on it for who asks for it.
+/// A scene of nine photographs of 64x48, the first and the last held out, and a training on it.
 pub struct Shared {
     folder: tempfile::TempDir,
     trained: OnceLock<()>,
@@ -160,7 +159,7 @@ impl Shared {
         self.folder.path().join("scene")
     }
 
-    /// The training's folder; it is trained when this is first asked for.
+    /// The training's folder; the first call trains.
     pub fn run(&self) -> PathBuf {
         let out = self.folder.path().join("run");
         self.trained.get_or_init(|| {
@@ -188,7 +187,7 @@ impl Shared {
     }
 }
 
-/// Made once; `None` where there is no Vulkan driver.
+/// The one shared scene, made at the first call; `None` where there is no Vulkan driver.
 pub fn shared() -> Option<&'static Shared> {
     static SHARED: OnceLock<Option<Shared>> = OnceLock::new();
     let make = || {

@@ -1,11 +1,12 @@
-//! Scores of held-out photographs: what is rendered for them knows nothing of their pixels.
+//! Scores of held-out photographs: renders do not depend on the pixels of held-out photographs.
 
 use std::fs;
 use std::path::Path;
 
+use crate::common;
 use crate::run::{copy_of, shared, text, works};
 
-/// A short training: its words, and its metrics.
+/// A short training: its standard error and its metrics.
 fn trained(data: &Path, out: &Path, exposure: &str) -> (String, serde_json::Value) {
     let said = works(&[
         "train",
@@ -26,7 +27,7 @@ fn trained(data: &Path, out: &Path, exposure: &str) -> (String, serde_json::Valu
     (said, serde_json::from_str(&metrics).expect("JSON"))
 }
 
-/// PSNR of the pictures in a run's folder, worked out here.
+/// PSNR of a render against its photograph, computed from the files in a run's folder.
 fn psnr_of_files(out: &Path, view: &str) -> f64 {
     let read = |kind: &str| {
         let file = out.join("renders").join(format!("{view}.{kind}.png"));
@@ -37,15 +38,15 @@ fn psnr_of_files(out: &Path, view: &str) -> f64 {
     10.0 * (255.0 * 255.0 * render.len() as f64 / squares.sum::<f64>()).log10()
 }
 
-/// A score may be exposed as other photographs let expect, and by nothing else: a photograph of noise changes neither
-/// model nor exposures nor render, and its score is that of noise. The last evaluation of the training is the score in
-/// the metrics.
+/// The exposure of a held-out render follows from other photographs alone: a held-out photograph of noise changes
+/// neither model nor exposures nor render, and its own score is low. The training's last evaluation equals the score
+/// in the metrics.
 #[test]
 fn held_out_noise_changes_only_its_score_with_affine_exposures() {
     noise_changes_a_score_alone("affine");
 }
 
-/// The same in the model's own colours.
+/// As above, without exposures.
 #[test]
 fn held_out_noise_changes_only_its_score_with_exposures_off() {
     noise_changes_a_score_alone("off");
@@ -57,14 +58,7 @@ fn noise_changes_a_score_alone(exposure: &str) {
     let (plain, noisy) = (data.path().join("plain"), data.path().join("noisy"));
     let (said, metrics) = trained(data.path(), &plain, exposure);
     let photograph = data.path().join("images/view_0000.jpg");
-    let mut state = 7_u32;
-    let noise = image::RgbImage::from_fn(64, 48, |_, _| {
-        image::Rgb([0; 3].map(|_: i32| {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 24) as u8
-        }))
-    });
-    noise.save(&photograph).expect("written");
+    common::noise(7, 64, 48).save(&photograph).expect("written");
     let (said_of_noise, metrics_of_noise) = trained(data.path(), &noisy, exposure);
 
     let same = |file: &str| {

@@ -1,4 +1,4 @@
-//! The commands on a second Vulkan implementation, whose device can do less.
+//! The commands on a second Vulkan implementation, whose device has fewer features.
 
 use std::fs;
 

@@ -1,4 +1,4 @@
-//! Signals that end a process, whatever has become of its terminal and whatever it is doing.
+//! Signals end the process in every state of the program and of its terminal.
 #![cfg(target_os = "linux")]
 
 use std::fs;
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use crate::run::{command, shared, strs, text, works};
 use crate::training::same_model;
 
-/// Far longer than anything here takes; an end that never comes fails by it.
+/// Far longer than any wait here; a process that does not end in this time fails the test.
 const PATIENCE: Duration = Duration::from_secs(60);
 const SIGTERM: u32 = 15;
 
@@ -24,7 +24,7 @@ fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
     }
 }
 
-/// Waits until the process hears of signals.
+/// Waits until the process handles signals.
 #[track_caller]
 fn listens(child: &Child) {
     let status = format!("/proc/{}/status", child.id());
@@ -57,7 +57,7 @@ fn code(mut child: Child) -> Option<i32> {
     }
 }
 
-/// Standard error is a pipe that nobody will read from again.
+/// Standard error is a pipe whose reading end is closed.
 #[test]
 fn signals_end_a_training_that_lost_its_terminal_at_the_start() {
     let Some(shared) = shared() else { return };
@@ -74,7 +74,7 @@ fn signals_end_a_training_that_lost_its_terminal_at_the_start() {
     }
 }
 
-/// As a pager that was stopped leaves it: whoever writes to it waits.
+/// As with a stopped pager: writes to standard error block.
 #[test]
 fn signals_end_a_command_whose_terminal_is_blocked() {
     let Some(shared) = shared() else { return };
@@ -89,7 +89,7 @@ fn signals_end_a_command_whose_terminal_is_blocked() {
     ];
     for args in commands {
         let (reader, mut writer) = std::io::pipe().expect("a pipe");
-        // As much as a pipe holds.
+        // Fills the pipe.
         writer.write_all(&[b'x'; 1 << 16]).expect("room");
         let child = command(args).stdout(Stdio::null()).stderr(writer).spawn().expect("the command starts");
         listens(&child);
@@ -100,7 +100,7 @@ fn signals_end_a_command_whose_terminal_is_blocked() {
     }
 }
 
-/// Everything is trained and saved by then: the files are written when it goes on.
+/// The training is done and saved by then: a resumption writes the files.
 #[test]
 fn a_signal_while_scoring_ends_it_at_once_and_it_goes_on() {
     let Some(shared) = shared() else { return };
@@ -126,7 +126,7 @@ fn unfinished(folder: &Path) -> bool {
     files.into_iter().any(|file| file.extension().is_some_and(|e| e == "tmp"))
 }
 
-/// As `psrgs-vk ... | head` does.
+/// As in `psrgs-vk ... | head`.
 #[test]
 fn a_reader_that_has_seen_enough_is_no_error_and_no_panic() {
     for args in [&["options"][..], &["passes"], &["completions", "bash"], &["--help"], &["train", "--help"]] {

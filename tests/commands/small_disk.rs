@@ -1,4 +1,4 @@
-//! A disk of a chosen size, where this machine lets a test have one.
+//! A disk of a chosen size, where this machine allows mounting.
 #![cfg(unix)]
 
 use std::fs;
@@ -8,10 +8,10 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use crate::common;
 
-/// What a disk counts in.
+/// Unit of allocation of the disk in bytes.
 pub const PAGE: u64 = 4096;
 
-/// A file system in memory that only a process of ours sees as mounted, which is reached through that process.
+/// A file system in memory, mounted in the namespace of a child process and reached through that process.
 pub struct Disk {
     shell: Child,
     to: Option<ChildStdin>,
@@ -44,13 +44,13 @@ impl Disk {
         let mut disk = Self { to: shell.stdin.take(), shell, from, mount, path };
         let at = disk.mount.path().display().to_string();
         let made = disk.runs(&format!("mount -t tmpfs -o size={bytes} psrgs-test {at}"));
-        // It is another one than what this process sees there.
+        // The path through the child differs from what this process sees at the mount point.
         let probe = disk.path.join("probe");
         let seen = made && fs::write(&probe, "").is_ok() && !disk.mount.path().join("probe").exists();
         (seen && fs::remove_file(probe).is_ok()).then_some(disk)
     }
 
-    /// Runs a command where the disk is mounted; whether it succeeded.
+    /// Runs a command where the disk is mounted; gives whether the command succeeded.
     fn runs(&mut self, command: &str) -> bool {
         let Some(to) = &mut self.to else { return false };
         let sent = writeln!(to, "{command} >&2 && echo yes || echo no").and_then(|()| to.flush());
@@ -58,18 +58,18 @@ impl Disk {
         sent.is_ok() && self.from.read_line(&mut answer).is_ok() && answer.trim() == "yes"
     }
 
-    /// Where it is.
+    /// Path of the disk.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Nothing can be written from now on.
+    /// Makes the disk read-only.
     pub fn make_read_only(&mut self) {
         let at = self.mount.path().display().to_string();
         assert!(self.runs(&format!("mount -o remount,ro {at}")), "the disk cannot be made read-only");
     }
 
-    /// A file that takes so many bytes, until it is removed.
+    /// Writes a file of `bytes` bytes; removing the file gives the room back.
     pub fn ballast(&self, bytes: u64) -> PathBuf {
         let file = self.path.join("ballast");
         fs::write(&file, vec![1; bytes as usize]).expect("room for the ballast");
@@ -79,13 +79,13 @@ impl Disk {
 
 impl Drop for Disk {
     fn drop(&mut self) {
-        // The shell ends with what it reads, and the disk with the shell.
+        // The shell ends when its input closes, and the disk goes with the shell.
         self.to = None;
         let _ = self.shell.wait();
     }
 }
 
-/// Bytes that a file of a length takes.
+/// Bytes on the disk of a file with this length.
 pub fn on_disk(length: u64) -> u64 {
     length.next_multiple_of(PAGE)
 }

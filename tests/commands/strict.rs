@@ -1,4 +1,4 @@
-//! A few records that cannot be used: told once, left out, and refused where that is asked for.
+//! A few unusable records: reported once and left out, or refused under `--strict`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use psrgs_vk::world::{WorldParams, generate};
 use crate::common;
 use crate::run::{fails, psrgs, stderr, text, works};
 
-/// A scene of twelve photographs, of which one is not there.
+/// A scene of twelve photographs, one of which is missing.
 fn scene(folder: &Path) -> PathBuf {
     let data = whole_scene(folder);
     fs::remove_file(data.join("images/view_0005.jpg")).expect("removed");
@@ -24,7 +24,7 @@ fn whole_scene(folder: &Path) -> PathBuf {
     data
 }
 
-/// A model of the scene's points, one of whose splats is not finite.
+/// A model of the scene's points with one splat that is not finite.
 fn model(data: &Path, folder: &Path) -> PathBuf {
     let dataset = Dataset::load(data, &LoadOptions::default()).expect("a dataset");
     let mut splats = dataset.first_gaussians().expect("splats");
@@ -34,7 +34,7 @@ fn model(data: &Path, folder: &Path) -> PathBuf {
     file
 }
 
-/// Says the line once.
+/// Checks that `said` has `line` exactly once.
 #[track_caller]
 fn once(said: &str, line: &str) {
     assert_eq!(said.matches(line).count(), 1, "not once `{line}`: {said}");
@@ -43,7 +43,7 @@ fn once(said: &str, line: &str) {
 const MISSING: &str = "1 of 12 photographs cannot be used and is left out, 'view_0005.jpg': there is no such file";
 const REFUSED: [&str; 2] = ["1 of 12 photographs is missing", "view_0005.jpg"];
 
-/// Its header stays.
+/// Truncates the photograph behind its header.
 fn cut(photograph: &Path) {
     let bytes = fs::read(photograph).expect("read");
     fs::write(photograph, &bytes[..bytes.len() * 2 / 3]).expect("written");
@@ -92,7 +92,7 @@ fn every_command_leaves_out_a_truncated_photograph() {
         fails(&[args, &["--strict"]].concat(), 3, &["view_0005.jpg", "the file ends before the picture does"]);
     }
 
-    // One that is held out, which stereo does not look at.
+    // A held-out photograph, which stereo does not read.
     fs::write(&photograph, whole).expect("written");
     let held_out = data.join("images/view_0008.jpg");
     cut(&held_out);
@@ -105,7 +105,7 @@ fn every_command_leaves_out_a_truncated_photograph() {
     let metrics: serde_json::Value = serde_json::from_str(&metrics).expect("JSON");
     assert!(metrics["train_images"] == 10 && metrics["test_images"] == 1, "{metrics}");
 
-    // More than a tenth.
+    // More than a tenth is unusable.
     cut(&photograph);
     for args in [&train[..], &saliency, &check] {
         fails(args, 3, &["view_000", "2 of 12 photographs cannot be used, which is more than one of 10"]);
@@ -144,7 +144,7 @@ fn every_command_skips_a_bad_record_and_strict_refuses_it() {
     let compare = ["compare", text(&data), "--out", text(&compared), "--methods", "3dgs", "--iterations", "2"];
     fails(&[&compare[..], &["--seeds", "1", "--strict"]].concat(), 3, &REFUSED);
 
-    // A splat: of the model, where photographs are not needed.
+    // A splat of the model, in a command without photographs.
     let splat = "splats cannot be used and is left out, vertex 3: opacity of vertex 3";
     let render = ["render", text(&model), "--cameras", text(&data), "--out", text(&pictures), "--max-side", "32"];
     for args in [&render[..], &eval] {
@@ -153,7 +153,7 @@ fn every_command_skips_a_bad_record_and_strict_refuses_it() {
     }
     once(&works(&[&train[..], &["--init", text(&model)]].concat()), splat);
 
-    // A pose: told by who needs poses alone.
+    // A pose, in a command that needs only poses.
     let file = data.join("sparse/0/images.bin");
     let mut bytes = fs::read(&file).expect("poses");
     // Number of images (8 bytes), the first image's number (4), its quaternion.

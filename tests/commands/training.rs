@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
+use crate::common;
 #[cfg(unix)]
 use crate::run::Running;
 use crate::run::{OPTIONS, STEPS, Shared, fails, psrgs, shared, stderr, text, works};
@@ -55,7 +56,7 @@ fn settings_repeat_a_run_bit_for_bit() {
     let out = folder.path().join("again");
     works(&["train", "--config", text(&shared.run().join("settings.toml")), "--out", text(&out), "-q"]);
     same_model(shared, &out, "repeated from settings.toml");
-    // The comparison can tell: another seed, and exposures, give another model.
+    // The comparison can fail: another seed and exposures give another model.
     let other = folder.path().join("other");
     works(&[
         "train",
@@ -72,9 +73,9 @@ fn settings_repeat_a_run_bit_for_bit() {
     assert!(fs::read(shared.model()).ok() != fs::read(other.join("point_cloud.ply")).ok());
     let exposures = fs::read_to_string(other.join("exposures.json")).expect("exposures");
     let exposures: BTreeMap<String, [[f64; 4]; 3]> = serde_json::from_str(&exposures).expect("a matrix each");
-    assert_eq!(exposures.len(), 7, "one for each photograph that was trained on");
+    assert_eq!(exposures.len(), 7, "not one exposure for each training photograph");
 
-    // A later scoring finds them beside the model, or leaves them alone.
+    // A later scoring finds the exposures beside the model, or ignores them.
     let (model, data, file) = (other.join("point_cloud.ply"), shared.data(), folder.path().join("scores.json"));
     let json = |file: &Path| -> serde_json::Value {
         serde_json::from_str(&fs::read_to_string(file).expect("scores")).expect("JSON")
@@ -99,7 +100,7 @@ fn settings_repeat_a_run_bit_for_bit() {
     fs::rename(other.join("exposures.json"), &moved).expect("moved");
     same(&scores(&[])["psnr"], &own["psnr"]);
     same(&scores(&["--exposures", text(&moved)])["psnr"], &found["psnr"]);
-    // Of other photographs, broken, and not there.
+    // Exposures of other photographs, a broken file, and a missing file.
     let eval = |file: &Path, words: &[&str]| {
         fails(&["eval", text(&model), text(&data), "--exposures", text(file)], 3, words);
     };
@@ -113,7 +114,7 @@ fn settings_repeat_a_run_bit_for_bit() {
     eval(&folder.path().join("none.json"), &["none.json"]);
 }
 
-/// Starts a training and sends it a signal once it has said `word`; gives its exit code and what it said.
+/// Starts a training and sends `signal` after a line with `word`; gives exit code and standard error.
 #[cfg(unix)]
 fn stopped(args: &[String], word: &str, signal: &str) -> (Option<i32>, String) {
     let mut running = Running::new(&args.iter().map(String::as_str).collect::<Vec<_>>());
@@ -141,7 +142,7 @@ fn an_interrupted_run_saves_and_resumes_to_the_same_model() {
     }
 }
 
-/// Before the first step there is nothing to save: nobody waits for depths or tuning to be through.
+/// Before the first step there is nothing to save: the training ends without waiting for depths or tuning.
 #[cfg(unix)]
 #[test]
 fn an_interruption_before_the_first_step_ends_it_at_once() {
@@ -155,7 +156,7 @@ fn an_interruption_before_the_first_step_ends_it_at_once() {
     same_model(shared, &out, "interrupted before it began");
 }
 
-/// `nohup` has a process ignore that its terminal is gone.
+/// `nohup` makes a process ignore the loss of its terminal.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_hang_up_that_is_ignored_stays_ignored() {
@@ -189,10 +190,10 @@ fn a_killed_run_resumes_to_the_same_model() {
     let step = resumed.split("going on after step ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a step");
     assert!(step.parse::<u32>().is_ok_and(|s| s >= 30 && s.is_multiple_of(15)), "{resumed}");
     same_model(shared, &out, "killed and resumed");
-    // The curves are whole.
+    // The report has the curves of the whole run.
     let report = fs::read_to_string(out.join("report.html")).expect("a report");
     assert!(report.contains("Loss"));
-    // Its end reached, there is nothing to go on with but the last files.
+    // At its end a resumed run only writes the last files.
     assert!(psrgs(&["train", "--resume", text(&out), "-q"]).status.success());
     same_model(shared, &out, "resumed at the end");
 }
@@ -201,15 +202,8 @@ fn a_killed_run_resumes_to_the_same_model() {
 fn test_photographs_do_not_touch_the_model() {
     let Some(shared) = shared() else { return };
     let data = crate::run::copy_of(&shared.data());
-    let mut state = 1u32;
-    let mut noise = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 24) as u8
-    };
-    for name in ["view_0000.jpg", "view_0008.jpg"] {
-        let pixels: Vec<u8> = (0..64 * 48 * 3).map(|_| noise()).collect();
-        let picture = image::RgbImage::from_raw(64, 48, pixels).expect("of that size");
-        picture.save(data.path().join("images").join(name)).expect("written");
+    for (name, seed) in [("view_0000.jpg", 1), ("view_0008.jpg", 2)] {
+        common::noise(seed, 64, 48).save(data.path().join("images").join(name)).expect("written");
     }
     let out = data.path().join("run");
     let ends = ["train", text(data.path()), "--out", text(&out), "-q"];
@@ -220,5 +214,5 @@ fn test_photographs_do_not_touch_the_model() {
     let read = |run: &Path| fs::read_to_string(run.join("metrics.json")).expect("metrics");
     let psnr = |text: String| serde_json::from_str::<serde_json::Value>(&text).expect("JSON")["psnr"].as_f64();
     let (noise, scene) = (psnr(read(&out)).expect("a number"), psnr(read(&shared.run())).expect("a number"));
-    assert!((noise - scene).abs() > 0.01, "scoring did not look at the noise: {noise} and {scene} dB");
+    assert!((noise - scene).abs() > 0.01, "the score does not depend on the photographs: {noise} and {scene} dB");
 }

@@ -1,4 +1,4 @@
-//! `train --tune`: the forms are printed, kept with the run, and taken up again on resume.
+//! `train --tune`: the chosen forms are printed, kept with the run, and used again on resume.
 
 use std::fs;
 
@@ -38,7 +38,7 @@ fn forms_chosen_by_timing_are_told_and_kept_with_the_run() {
     assert!(read("report.html").contains("gradient-sum"), "the report has the settings that were trained with");
     let metrics: serde_json::Value = serde_json::from_str(&read("metrics.json")).expect("JSON");
     assert!(metrics["forms"].as_str().is_some_and(|f| f.starts_with(&tile)), "{metrics}");
-    // A resumed run keeps what it began with and times nothing.
+    // A resumed run keeps its forms and times nothing.
     let said = train(&["train", "--resume", text(&out), "--iterations", "6", "--tune", "again"]);
     assert!(!said.contains("timed: ") && said.contains("going on after step"), "{said}");
     fails(&["train", text(&data), "--tune", "perhaps"], 2, &["auto, off or again"]);

@@ -1,4 +1,4 @@
-//! `render` and `eval`: the pictures and scores that training gave.
+//! `render` and `eval`: the renders and scores of the training.
 
 use std::fs;
 use std::path::Path;
@@ -17,9 +17,9 @@ pub fn json(file: &Path) -> serde_json::Value {
     serde_json::from_str(&fs::read_to_string(file).expect("a file")).expect("JSON")
 }
 
-/// Training renders from scene coordinates; a file holds dataset coordinates, and both are rounded to f32. Where a
-/// colour lies at the boundary between two 8-bit steps, that can move it by one step; more than a handful of such
-/// pixels would be an error. Gives how many are moved.
+/// Training renders from scene coordinates, and a file holds dataset coordinates; both are rounded to f32. The rounding
+/// can move a colour near the boundary of two 8-bit steps by one step. More than a handful of moved colours is an
+/// error. Gives the number of moved colours.
 #[track_caller]
 pub fn moved(a: &[u8], b: &[u8]) -> usize {
     assert_eq!(a.len(), b.len());
@@ -94,7 +94,7 @@ fn render_gives_training_pictures_and_depth_in_dataset_units() {
         let close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-3 * b.abs() + 1e-6;
         assert!(got.values.iter().zip(&want.values).filter(|pair| !close(*pair)).count() <= 6);
     }
-    // The camera hovers tens of metres above the ground; the scene is 10 units wide inside.
+    // The camera is tens of metres above the ground; in scene units, the scene is 10 wide.
     let truth = image_out::read_depth(&data.join("depth/view_0000.exr")).expect("true depth");
     let got = image_out::read_depth(&out.join("view_0000.depth.exr")).expect("a depth map");
     let middle = |values: &[f32]| {
@@ -106,7 +106,8 @@ fn render_gives_training_pictures_and_depth_in_dataset_units() {
     assert!((0.7..1.4).contains(&ratio), "median depth is {ratio} times the true one");
 }
 
-/// A training with stages and learned widths: its model tells the splats of the stages apart, its report shows them.
+/// A training with stages and learned widths: the model tells the splats of the stages apart, and the report shows
+/// each.
 #[test]
 fn the_sets_of_the_stages_are_rendered_apart() {
     let Some(shared) = shared() else { return };
@@ -205,7 +206,7 @@ fn a_model_out_of_view_is_warned_of_and_an_empty_one_not_scored() {
     }
 }
 
-/// A geo-referenced model whose comments an editor has dropped is still where it was.
+/// A geo-referenced model keeps its place when an editor drops the comments of the PLY.
 #[test]
 fn the_offset_beside_a_model_holds_where_its_comments_are_gone() {
     let Some(shared) = shared() else { return };
@@ -232,7 +233,7 @@ fn the_offset_beside_a_model_holds_where_its_comments_are_gone() {
     assert!(said.contains("frame.json") && !said.contains("warning"), "{said}");
 }
 
-/// Cheaper pictures differ from others, by a little.
+/// Cheaper renders differ a little from exact ones.
 #[test]
 fn pictures_can_be_drawn_for_less() {
     let Some(shared) = shared() else { return };

@@ -1,5 +1,5 @@
-//! The whole life of a run under the validation layers: stereo, growth beyond what was allocated, perceptual distance,
-//! checkpoints, a resumption, evaluation, drawing, and the end, at which everything must have been given back.
+//! The whole life of a run under the validation layers: stereo, growth beyond the first allocation, perceptual
+//! distance, checkpoints, a resumption, evaluation, rendering, and the end, at which every Vulkan object must be gone.
 
 use std::fs;
 use std::path::Path;
@@ -10,8 +10,7 @@ use crate::common;
 use crate::kills::OPTIONS;
 use crate::run::{command, stderr, text};
 
-/// Goes through it all with `PSRGS_VALIDATION` of this value, and with more variables.
-/// The command fails on any message.
+/// The whole life with `PSRGS_VALIDATION=mode` and further variables. The program fails on any message.
 fn life(mode: &str, variables: &[(&str, &str)]) {
     if common::gpu().is_none() {
         return;
@@ -22,7 +21,7 @@ fn life(mode: &str, variables: &[(&str, &str)]) {
     generate(&params, &data, &mut |_| ()).expect("a scene");
     let works = |args: &[&str]| {
         let mut command = command(args);
-        // Guards would be part of the buffers that addresses are checked against.
+        // Guards would extend the buffers against which addresses are checked.
         let guards = if mode == "gpu" { "0" } else { "1" };
         command.env("PSRGS_VALIDATION", mode).env("PSRGS_CANARIES", guards).envs(variables.iter().copied());
         let output = command.output().expect("the command starts");
@@ -31,7 +30,7 @@ fn life(mode: &str, variables: &[(&str, &str)]) {
     };
     let out = folder.path().join("run");
     let mut train = vec!["train", text(&data), "--out", text(&out), "-v"];
-    // So few that one from before the last growth is kept.
+    // Few checkpoints, so that one from before the last growth is kept.
     let options = OPTIONS.replace("--checkpoint-every 3", "--checkpoint-every 20");
     train.extend(options.split_whitespace());
     let weights = common::weights("lpips_squeeze_v0.1.pth").and_then(|file| Some(file.parent()?.to_owned()));
@@ -56,7 +55,7 @@ fn life(mode: &str, variables: &[(&str, &str)]) {
     assert!(maps.join("fused.ply").exists() && eval.join("report.html").exists());
 }
 
-/// Leaves only the checkpoint that was written first, and none of the results.
+/// Removes the results and all checkpoints but the first.
 fn go_back(out: &Path) {
     let mut kept: Vec<_> =
         fs::read_dir(out.join("checkpoints")).expect("checkpoints").map(|entry| entry.expect("one").path()).collect();
@@ -86,7 +85,7 @@ fn whole_life_by_address_uses_none_outside_of_its_buffers() {
     }
 }
 
-/// The layer sees what descriptors and texels reach, too, and races for shared memory.
+/// The layer also checks accesses through descriptors and texels, and races in shared memory.
 #[test]
 fn whole_life_by_descriptors_stays_within_them() {
     if common::layer_assists() {

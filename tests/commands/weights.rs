@@ -10,7 +10,7 @@ use psrgs_vk::perceptual::PUBLIC_FILES;
 use crate::common;
 use crate::run::{command, fails, psrgs, shared, stderr, text};
 
-/// Serves files by name as long as the process lives; gives its address.
+/// Serves files by name until the process ends; gives the address of the server.
 fn serve(files: HashMap<String, Vec<u8>>) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = format!("http://{}/weights", listener.local_addr().expect("an address"));
@@ -38,7 +38,7 @@ fn what_is_not_the_published_file_is_not_kept() {
     let args = ["weights", "--dir", text(folder.path()), "--fetch", "--from", &address];
     fails(&args, 7, &[trunk.name, trunk.sha256, "5000 bytes", "nothing was kept", text(folder.path())]);
     assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 0);
-    // Neither is there: the first that fails is told.
+    // Both files are missing: the error names the first.
     let nowhere = serve(HashMap::new());
     fails(
         &["weights", "--dir", text(folder.path()), "--fetch", "--from", &nowhere],
@@ -54,7 +54,7 @@ fn what_is_not_the_published_file_is_not_kept() {
     );
 }
 
-/// A folder that nobody named: half a download in it is told, and nothing fails. One that is named has to be whole.
+/// Half a download in the usual folder is a warning. In a folder that the user names it is an error.
 #[test]
 fn weights_that_are_not_whole_stop_only_who_named_them() {
     let Some(shared) = shared() else { return };
@@ -100,7 +100,7 @@ fn what_is_published_is_fetched_and_not_fetched_again() {
     assert!(said.contains(&format!("{}: there already", linear.name)), "{said}");
 }
 
-/// The trunk may be of another file than the published one.
+/// The trunk may come from another file than the published one.
 #[test]
 fn a_folder_whose_weights_can_be_read_lacks_no_file() {
     let Some(file) = common::weights("lpips_squeeze_v0.1.pth") else { return };

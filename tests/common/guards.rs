@@ -1,5 +1,5 @@
 //! Four guards for comparing a computed vector with a reference: each element, the whole vector's relative norm, its
-//! direction, and a signed bias; and rows that should not be zero are not.
+//! direction, and a signed bias. A row that is zero in place of a nonzero reference fails as well.
 //!
 //! One guard alone lets errors through: an element bound passes a bias of every element, a norm passes a wrong small
 //! row, a cosine passes a wrong factor.
@@ -27,7 +27,7 @@ impl Guards {
         Self { element, floor: 1.0, norm: element / 4.0, cosine: element * element / 32.0 + 1e-14, bias: element / 8.0 }
     }
 
-    /// The first guard that objects, in words; `row` is the number of elements of a row.
+    /// The error of the first guard that fails; `row` is the number of elements of a row.
     pub fn verdict(&self, row: usize, got: &[f32], want: &[f64]) -> Result<(), String> {
         if got.len() != want.len() {
             return Err(format!("{} values instead of {}", got.len(), want.len()));
@@ -68,7 +68,7 @@ impl Guards {
         Ok(())
     }
 
-    /// Panics with the name of what was compared when a guard objects.
+    /// Panics with `name` when a guard fails.
     #[track_caller]
     pub fn check(&self, name: &str, row: usize, got: &[f32], want: &[f64]) {
         if let Err(why) = self.verdict(row, got, want) {
@@ -77,8 +77,8 @@ impl Guards {
     }
 }
 
-/// `got` with the error of each element divided by its condition: how much larger than rounding it may be, from the
-/// problem and not from the program. For comparing ill-conditioned values with the same guards.
+/// `got` with the error of each element divided by its condition number, so that the same guards can judge
+/// ill-conditioned values.
 pub fn eased(got: &[f32], want: &[f64], condition: &[f64]) -> Vec<f32> {
     let ease = |((g, w), c): ((&f32, &f64), &f64)| (w + (f64::from(*g) - w) / c.max(1.0)) as f32;
     got.iter().zip(want).zip(condition).map(ease).collect()

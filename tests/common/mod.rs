@@ -1,4 +1,4 @@
-//! What the integration tests share.
+//! Helpers that the integration tests share.
 #![allow(dead_code, unreachable_pub)]
 
 pub mod guards;
@@ -9,9 +9,16 @@ pub mod swiftshader;
 
 use std::path::PathBuf;
 
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::vk::{Error, Gpu, OpenOptions};
 
 pub use skips::{left_out, skipped};
+
+/// A picture of noise.
+pub fn noise(seed: u64, width: u32, height: u32) -> image::RgbImage {
+    let mut random = Random::new(seed);
+    image::RgbImage::from_fn(width, height, |_, _| image::Rgb([(); 3].map(|()| random.bits() as u8)))
+}
 
 /// The default device, with `PSRGS_*` variables honoured (`PSRGS_VALIDATION=1` turns the layers on). `None`, with a
 /// printed reason, only where there is no Vulkan driver at all.
@@ -39,11 +46,10 @@ pub fn assert_no_messages(gpu: &Gpu) {
     assert!(messages.is_empty(), "{} validation messages, first: {}", messages.len(), messages[0]);
 }
 
-/// The first version of the validation layer that is known to follow all shaders of the engine in its GPU-assisted
-/// mode.
+/// The first version of the validation layer whose GPU-assisted mode is known to handle all shaders of the engine.
 const ABLE_TO_ASSIST: [u32; 3] = [1, 4, 363];
 
-/// Whether the layer here follows all shaders in its GPU-assisted mode; prints why not.
+/// Whether the GPU-assisted mode of the installed layer handles all shaders; prints a reason where not.
 pub fn layer_assists() -> bool {
     let found = psrgs_vk::vk::validation_layer().ok().flatten();
     let able = found.is_some_and(|version| version >= ABLE_TO_ASSIST);

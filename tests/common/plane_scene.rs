@@ -63,7 +63,7 @@ fn hash(mut x: u32) -> f64 {
     f64::from(x) / f64::from(u32::MAX)
 }
 
-/// Splats scattered over the ground, grey, flat on opacity 0.1 and of the size of their spacing.
+/// Grey splats scattered over the ground, with opacity 0.1 and the size of their spacing.
 pub fn splats(n: usize) -> Gaussians {
     let mut g = Gaussians::zeros(n);
     let size = (6.0 / (n as f64).sqrt() * 0.5).max(1e-3).ln() as f32;

@@ -5,7 +5,7 @@ use psrgs_vk::scene::Camera;
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::splat::Splat;
 
-/// A stream of numbers for each seed, whose beginnings are far apart.
+/// A stream of random numbers for each seed, which begins far from the streams of other seeds.
 pub fn seeded(seed: u64) -> Random {
     Random::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x1234_5678)
 }

@@ -1,4 +1,4 @@
-//! SwiftShader, a second Vulkan implementation for processors, which Chromium brings along: subgroups of 4, no float
+//! SwiftShader, a second Vulkan implementation on the CPU, which Chromium's packages contain: subgroups of 4, no float
 //! atomics, no 16-bit storage, and a compiler whose time explodes with chains of branches in loops.
 #![allow(dead_code, unreachable_pub)]
 
@@ -9,11 +9,11 @@ use std::time::{Duration, Instant};
 
 use super::skipped;
 
-/// Where packages put its manifest, which names the library beside it.
+/// Where packages install SwiftShader's manifest, which names the library beside it.
 const PLACES: [&str; 4] =
     ["/usr/lib/chromium", "/usr/lib/chromium-browser", "/usr/lib64/chromium-browser", "/opt/google/chrome"];
 
-/// Its manifest, for the variables of the Vulkan loader; `None`, with a reason, where it is not there.
+/// SwiftShader's manifest, for the variables of the Vulkan loader; `None`, with a printed reason, where it is missing.
 pub fn swiftshader() -> Option<PathBuf> {
     let manifests = PLACES.map(|place| PathBuf::from(place).join("vk_swiftshader_icd.json"));
     let found = manifests.into_iter().find(|file| file.exists());
@@ -23,8 +23,8 @@ pub fn swiftshader() -> Option<PathBuf> {
     found
 }
 
-/// Runs a command on SwiftShader to its end; gives whether it succeeded, and what it said. A compiler that runs away
-/// fails: by the memory it may have, or after five minutes.
+/// Runs a command on SwiftShader; gives whether the command succeeded, and its output. A runaway compiler fails by a
+/// limit on memory, or after five minutes.
 pub fn on_swiftshader(driver: &std::path::Path, command: &Command) -> (bool, String) {
     let mut limited = Command::new("sh");
     limited.args(["-c", "ulimit -v 8000000; exec \"$0\" \"$@\" 2>&1"]).arg(command.get_program());
@@ -39,7 +39,7 @@ pub fn on_swiftshader(driver: &std::path::Path, command: &Command) -> (bool, Str
     let mut out = child.stdout.take().expect("a pipe");
     let reader = std::thread::spawn(move || {
         let mut said = Vec::new();
-        // A pipe that breaks is an end as well.
+        // A broken pipe also ends the output.
         let _ = out.read_to_end(&mut said);
         String::from_utf8_lossy(&said).into_owned()
     });

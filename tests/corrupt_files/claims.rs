@@ -1,5 +1,5 @@
-//! Files that claim more than they hold: rows, properties, points, pixels, tensors. Each is refused or read in the time
-//! and the memory that its bytes are worth; a reader that takes it at its word does not come back.
+//! Files that claim more than they hold: rows, properties, points, pixels, tensors. Each is refused or read, in time
+//! and memory in proportion to its bytes. A reader that trusts the claim would run out of either.
 
 use std::fs;
 use std::path::Path;
@@ -29,7 +29,8 @@ fn rows_without_properties_are_no_bytes_however_many() {
     };
     fs::write(&file, binary(many)).expect("written");
     assert_eq!(ply::Mesh::read(&file).expect("a mesh").triangles, [[0, 1, 2]]);
-    // Before the vertices a count has to fit the file, and then rows of nothing are many times a long file.
+    // Before the vertices the count of each element has to fit the file. All 40,000 elements together have far more
+    // rows than the file has bytes.
     let before = "element nothing 400\n".repeat(40_000);
     let mut bytes = binary("");
     let at = bytes.windows(7).position(|w| w == b"element").expect("an element");
@@ -37,7 +38,7 @@ fn rows_without_properties_are_no_bytes_however_many() {
     bytes.extend(vec![0; 400]);
     replace(&file, &bytes);
     assert_eq!(ply::Mesh::read(&file).expect("a mesh").vertices.len(), 3);
-    // As text a row is a line, if an empty one.
+    // In text each row is a line, even an empty one.
     let text = format!("ply\nformat ascii 1.0\n{}0 0 0\n1 0 0\n0 1 0\n\n3 0 1 2\n", MESH.replace("AGAIN", many));
     replace(&file, &text);
     let error = ply::Mesh::read(&file).expect_err("the end of the file").to_string();
@@ -91,7 +92,7 @@ fn pickle_of_one_tensor(names: usize, shape: &[u8]) -> Vec<u8> {
     pickle_of_stored(names, shape, 1)
 }
 
-/// The same, its storage having so many numbers.
+/// As above, with `stored` numbers in the storage.
 fn pickle_of_stored(names: usize, shape: &[u8], stored: u8) -> Vec<u8> {
     let mut out =
         b"\x80\x02}(X\x01\0\0\0actorch._utils\n_rebuild_tensor_v2\n((X\x07\0\0\0storagectorch\nFloatStorage\n".to_vec();
@@ -112,7 +113,7 @@ fn pickle_of_stored(names: usize, shape: &[u8], stored: u8) -> Vec<u8> {
     out
 }
 
-/// Of tensors that are one tensor under many names, each would have got a shape of its own.
+/// One tensor under many names: each name would get a copy of the shape.
 #[test]
 fn tensors_have_as_few_axes_as_any_weights() {
     let root = tempfile::tempdir().expect("temporary folder");
@@ -129,7 +130,7 @@ fn tensors_have_as_few_axes_as_any_weights() {
     assert!(error.contains("has more axes than any weights have") && names_the_place(&error, &file), "{error}");
 }
 
-/// Of a thousand bytes that many names share each would get a copy.
+/// A thousand bytes under many names: each name would get a copy of the bytes.
 #[test]
 fn tensors_take_no_more_memory_than_their_file_is_worth() {
     let root = tempfile::tempdir().expect("temporary folder");
@@ -220,7 +221,7 @@ fn compressed_points_are_no_longer_than_the_header_says() {
     long[size..size + 2].copy_from_slice(&63_489_u16.to_le_bytes());
     let error = refused(&long);
     assert!(error.contains("63489") && error.contains(&format!("size of item {}", items - 1)), "{error}");
-    // And what the header says is not endless either.
+    // The size in the header has a limit, too.
     let mut wide = bytes.clone();
     wide[105..107].copy_from_slice(&9216_u16.to_le_bytes());
     let error = refused(&wide);
@@ -232,7 +233,7 @@ fn compressed_points_are_no_longer_than_the_header_says() {
     assert_eq!(las::read(&file).expect("points").len(), points);
 }
 
-/// An instruction of one byte makes an object of a hundred.
+/// An instruction of one byte makes an object of a hundred bytes.
 #[test]
 fn a_pickle_takes_no_more_memory_than_its_bytes_are_worth() {
     let root = tempfile::tempdir().expect("temporary folder");

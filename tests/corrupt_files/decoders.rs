@@ -1,4 +1,4 @@
-//! Damage that makes a decoder of another project panic, which the readers turn into their errors.
+//! Damage that makes a decoder of another project panic: the readers turn the panic into an error.
 
 use std::fs;
 use std::io::Cursor;
@@ -11,8 +11,8 @@ use psrgs_vk::format::image_out;
 
 use super::names_the_place;
 
-/// Differences that lead below zero: the `exr` crate subtracts them unchecked,
-/// which builds with overflow checks do not let pass.
+/// Differences that lead below zero: the `exr` crate subtracts them unchecked, which panics in builds with overflow
+/// checks.
 #[test]
 fn differences_of_a_b44_block_that_lead_below_zero() {
     let root = tempfile::tempdir().expect("temporary folder");

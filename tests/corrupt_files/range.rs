@@ -1,5 +1,4 @@
-//! Numbers that are finite in their files and would not be in the scene,
-//! and names that lead to what is no file of the dataset.
+//! Numbers that are finite in the file and infinite in the scene, and names that lead out of the dataset.
 
 use std::fs;
 use std::path::Path;
@@ -25,7 +24,7 @@ fn refused(folder: &Folder, text: bool) -> String {
 fn lenses_without_a_picture_are_refused() {
     let good = Folder::ring(&["a.png", "b.png"], [0.0; 3]);
     for (model, params) in [
-        // The picture turns back at once.
+        // The polynomial of the lens turns back at once.
         (("RADIAL", 3), vec![20.5, 11.0, 8.0, -1e300, 0.0]),
         (("OPENCV_FISHEYE", 5), vec![20.5, 20.5, 11.0, 8.0, -1e300, 0.0, 0.0, 0.0]),
     ] {
@@ -84,7 +83,7 @@ fn transforms(root: &Path, photograph: &str, points: &str) {
     fs::write(root.join("transforms.json"), text).expect("written");
 }
 
-/// Where the size of a camera is to be that of its photograph, the photograph was opened before its name was looked at.
+/// A camera without a size takes the size of its photograph: the name is checked before the photograph is opened.
 #[test]
 fn sizes_are_not_asked_of_files_outside_of_the_dataset() {
     let root = tempfile::tempdir().expect("temporary folder");
@@ -95,7 +94,7 @@ fn sizes_are_not_asked_of_files_outside_of_the_dataset() {
     }
 }
 
-/// A pipe never answers: opening it would wait for a writer.
+/// Opening a pipe would wait for a writer.
 #[cfg(unix)]
 #[test]
 fn pipes_are_refused_unopened() {

@@ -12,18 +12,18 @@ use crate::colmap_folder::{CameraRow, Folder};
 const SIZE: (u32, u32) = (48, 32);
 const OPENCV: (&str, i32) = ("OPENCV", 4);
 
-/// Smooth, with every level.
+/// A smooth picture with every 8-bit level.
 fn picture(x: u32, y: u32) -> [u8; 3] {
     [(x * 5) as u8, (y * 8) as u8, (x * y / 6) as u8]
 }
 
-/// From an 8-bit number to light, by the definition of sRGB's curve.
+/// Linear light of an 8-bit value, by the definition of sRGB's curve.
 fn light(value: u8) -> f32 {
     let v = f64::from(value) / 255.0;
     (if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }) as f32
 }
 
-/// The same picture as 8-bit PNG, 16-bit PNG and EXR, of a straight lens or of one with distortion.
+/// One picture as 8-bit PNG, 16-bit PNG and EXR, with a pinhole camera or with lens distortion.
 fn copies(distorted: bool) -> tempfile::TempDir {
     let mut folder = Folder::ring(&["a.png", "b.png", "c.exr", "d.png"], [0.0; 3]);
     let size = [u64::from(SIZE.0), u64::from(SIZE.1)];
@@ -42,7 +42,7 @@ fn copies(distorted: bool) -> tempfile::TempDir {
     Rgb32FImage::from_fn(SIZE.0, SIZE.1, |x, y| Rgb(picture(x, y).map(light)))
         .save(images.join("c.exr"))
         .expect("floats");
-    // Scaled to 12 bits, as cameras have them.
+    // Scaled to 12 bits, as cameras write.
     ImageBuffer::from_fn(SIZE.0, SIZE.1, |x, y| {
         Rgb(picture(x, y).map(|v| (f64::from(light(v)) * 4095.0).round() as u16))
     })
@@ -77,7 +77,7 @@ fn deep_photographs_decode_as_8_bit_copies_with_finer_digits() {
         for view in [1, 2] {
             let deep = decoded(&dataset, view);
             assert_eq!((deep.width, deep.height, deep.pixels.depth()), (eight.width, eight.height, Depth::Sixteen));
-            // Equal as they are; where pixels are interpolated, the 8-bit copy is what is rounded.
+            // Equal without resampling. With interpolation, the 8-bit copy is rounded.
             let bound = if distorted || max_side.is_some() { 0.5 + 1e-2 } else { 4e-3 };
             let found = apart(&eight, &deep);
             assert!(found <= bound, "view {view}, distorted {distorted}, {max_side:?}: {found}");
@@ -93,7 +93,7 @@ fn deep_photographs_decode_as_8_bit_copies_with_finer_digits() {
             "digits beyond 8 bits are kept: {}",
             levels(&png)
         );
-        assert!(png.iter().zip(&exr).all(|(a, b)| a.abs_diff(*b) <= 2), "both are one picture");
+        assert!(png.iter().zip(&exr).all(|(a, b)| a.abs_diff(*b) <= 2), "the 16-bit PNG and the EXR differ");
     }
 }
 
@@ -101,28 +101,28 @@ fn deep_photographs_decode_as_8_bit_copies_with_finer_digits() {
 fn white_level_and_curve_are_those_that_are_named() {
     let root = copies(false);
     let tone = |white_level, transfer| LoadOptions { tone: Tone { white_level, transfer }, ..LoadOptions::default() };
-    // Linear numbers of 12 bits, named as such. In the shadows a step of 12 bits is more than one of 8.
+    // Linear values of 12 bits, named as linear. In the shadows, a step of 12 bits is larger than a step of 8 bits.
     let dataset = load(root.path(), tone(Some(4095.0), Transfer::Linear));
     let eight = decoded(&dataset, 0);
     let developed = decoded(&dataset, 3);
     let found = apart(&eight, &developed);
     assert!((0.01..1.7).contains(&found), "{found}");
-    // 8 bits are taken as they are, whatever is said of the others.
+    // White level and curve do not apply to 8-bit photographs.
     assert_eq!(eight, decoded(&load(root.path(), LoadOptions::default()), 0));
-    // As encoded: the numbers themselves.
+    // With the sRGB curve, the stored values are used as they are.
     let Pixels::Rgba16(exr) = decoded(&load(root.path(), tone(None, Transfer::Srgb)), 2).pixels else {
         panic!("depth")
     };
     let want = (f64::from(light(picture(20, 10)[0])) * 65535.0).round() as u16;
     assert!(exr[4 * (10 * 48 + 20)].abs_diff(want) <= 1);
-    // Half as much is white: brighter pixels are white, and counted.
+    // White at 0.5: brighter pixels become white and are counted.
     let cut = decoded(&load(root.path(), tone(Some(0.5), Transfer::Auto)), 2);
     let Pixels::Rgba16(values) = &cut.pixels else { panic!("depth") };
     let all = (0..SIZE.0 * SIZE.1).map(|k| picture(k % SIZE.0, k / SIZE.0));
     let brighter = all.filter(|p| p.iter().any(|v| light(*v) > 0.5)).count() as u64;
     assert!(brighter > 100 && cut.clipped == brighter, "{} of {brighter}", cut.clipped);
     assert_eq!(values[4 * (5 * 48 + 47)], u16::MAX);
-    // Said before training, in words.
+    // The text before training.
     let said = load(root.path(), tone(Some(4095.0), Transfer::Linear)).deep_photographs().join("\n");
     assert!(said.contains("2 photographs: 16 bits per channel, white at 4095, linear"), "{said}");
     assert!(said.contains("1 photograph: floating point, white at 4095"), "{said}");
@@ -139,7 +139,7 @@ fn what_is_cut_is_told_before_training() {
     assert!(said.len() == 1 && said[0].contains("3 photographs have pixels brighter than white"), "{said:?}");
 }
 
-/// Transparent pixels, those that are not a number, and alpha that is multiplied in already.
+/// Transparent pixels, NaN pixels, and premultiplied alpha.
 #[test]
 fn alpha_of_deep_photographs_masks() {
     let root = copies(false);

@@ -1,4 +1,4 @@
-//! nerfstudio's and OpenSfM's files, written here as those programs write them.
+//! Files of nerfstudio and OpenSfM, written here in the form of those programs.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use crate::colmap_folder::{Folder, ImageRow};
 use crate::{NAMES, load};
 
-/// Far away as geo-referenced coordinates are.
+/// An offset as far from the origin as geo-referenced coordinates.
 const UTM: [f64; 3] = [5e5, 4.6e6, 100.0];
 
 fn rotation(image: &ImageRow) -> [[f64; 3]; 3] {
@@ -25,12 +25,12 @@ fn rotation(image: &ImageRow) -> [[f64; 3]; 3] {
     ]
 }
 
-/// A ring whose cameras are turned a little, each in its own way, about their centres.
+/// A ring of cameras, each turned a little about its centre by a rotation of its own.
 pub(crate) fn turned_ring(offset: [f64; 3]) -> Folder {
     turned(&NAMES.map(str::to_owned), offset)
 }
 
-/// The same of photographs with these names.
+/// As [`turned_ring`], with these names.
 pub(crate) fn turned(names: &[String], offset: [f64; 3]) -> Folder {
     let mut folder = Folder::ring(&names.iter().map(String::as_str).collect::<Vec<_>>(), offset);
     for (i, image) in folder.images.iter_mut().enumerate() {
@@ -114,7 +114,7 @@ pub(crate) fn write_json(file: &Path, value: &Value) {
 
 /// The axis times the angle of a rotation.
 fn vector(r: &[[f64; 3]; 3]) -> [f64; 3] {
-    // From the quaternion: stable for turns near half a one, which these cameras make.
+    // From the quaternion: stable for rotations near 180 degrees, as of these cameras.
     let w = 0.5 * (1.0 + r[0][0] + r[1][1] + r[2][2]).max(0.0).sqrt();
     let x = 0.5 * (1.0 + r[0][0] - r[1][1] - r[2][2]).max(0.0).sqrt();
     let (y, z) = ((r[0][1] + r[1][0]) / (4.0 * x), (r[0][2] + r[2][0]) / (4.0 * x));
@@ -259,7 +259,7 @@ fn frames_may_have_lenses_of_their_own() {
     let lens = dataset.views[2].lens.expect("a lens");
     assert_eq!(lens.distortion, Distortion::Fisheye { k: [0.0, 0.0, 0.0, 0.001] });
     assert_eq!(dataset.views[2].model, "OPENCV_FISHEYE");
-    // As instant-ngp's made-up scenes: an angle of view, no size, no extensions, no points.
+    // As in instant-ngp's synthetic scenes: an angle of view, no size, no extensions, no points.
     let frames: Vec<Value> = value["frames"]
         .as_array()
         .expect("frames")
@@ -295,7 +295,7 @@ fn fisheyes_of_instant_ngp_are_fisheyes() {
     assert_eq!((dataset.views[0].model.as_str(), dataset.views[1].model.as_str()), ("OPENCV_FISHEYE", "OPENCV"));
     let plain = dataset.views[1].lens.expect("a lens").distortion;
     assert!(matches!(plain, Distortion::Brown { numerator: [0.02, ..], .. }), "{plain:?}");
-    // Said twice, and alike.
+    // Stated twice with equal values.
     value["frames"][1] = transforms(&folder)["frames"][1].clone();
     value["camera_model"] = json!("OPENCV_FISHEYE");
     write_json(&file, &value);
@@ -344,7 +344,7 @@ fn opensfm_cameras_are_normalised_by_the_longer_side() {
         let lens = load(root.path()).expect("loads").views[0].lens.expect("a lens");
         assert_eq!((lens.focal, lens.center, lens.distortion), ([24.0 * focal; 2], [12.0, 8.0], distortion));
     }
-    // Photographs that do not say where they were taken.
+    // Photographs without GPS.
     let origin = Geodetic { latitude: 41.5, longitude: 2.1, altitude: 0.0 };
     assert_eq!(load(root.path()).expect("loads").coordinates, Some(Coordinates::EastNorthUp { origin }));
     value[0]["reference_lla"] = json!({"latitude": 0.0, "longitude": 0.0, "altitude": 0.0});
@@ -359,8 +359,8 @@ fn opensfm_cameras_are_normalised_by_the_longer_side() {
     assert_eq!((dataset.views.len(), &dataset.warnings[0]), (3, &Warning::OtherParts { used: 3, parts: 1, shots: 2 }));
 }
 
-/// A run with GPS moves the reconstruction into the grid of a map: `reference_lla`, which stays in the file,
-/// is not where it lies.
+/// A run with GPS moves the reconstruction into the grid of a map. `reference_lla` stays in the file and is not the
+/// origin any more.
 #[test]
 fn georeferenced_opendronemap_is_in_the_grid_of_its_coords_file() {
     let folder = turned_ring([0.0; 3]);
@@ -455,7 +455,7 @@ fn truncated_and_foreign_files_are_named() {
         let file = root.path().join(name);
         let whole = fs::read(&file).expect("file");
         load(root.path()).expect("whole");
-        // Of the last number of a text file one digit is enough.
+        // A text file is readable with one digit of its last number.
         for length in (0..whole.len() - 4).step_by(1 + whole.len() / 150) {
             fs::write(&file, &whole[..length]).expect("written");
             complains(root.path(), &[name]);
@@ -533,18 +533,18 @@ fn scenes_in_parts_hold_out_what_they_keep_for_it() {
     };
     let all: Vec<usize> = (0..10).collect();
     write(root.path(), "train", 0..10);
-    // Alone it is split as other datasets are.
+    // A single part is split like other datasets.
     assert_eq!(roles(Split::Test).1, of_part("train", &[0, 8]));
     write(root.path(), "test", 10..14);
     assert_eq!(roles(Split::Test), (of_part("train", &all), of_part("test", &[10, 11, 12, 13])));
-    // Nothing is kept for choosing settings: it is taken from what there is to train on.
+    // Without a validation part, validation photographs are taken from the training part.
     assert_eq!(roles(Split::Val), (of_part("train", &[1, 2, 3, 5, 6, 7, 9]), of_part("train", &[4])));
     assert_eq!(roles(Split::None), (of_part("train", &all), Vec::new()));
     assert_eq!(roles(Split::Every { every: 5, first: 1 }).1, of_part("train", &[1, 6]));
     write(root.path(), "val", 14..16);
     assert_eq!(roles(Split::Val), (of_part("train", &all), of_part("val", &[14, 15])));
     assert_eq!(roles(Split::Test).1, of_part("test", &[10, 11, 12, 13]));
-    // A file of the whole goes before its parts.
+    // A file of the whole dataset wins over files of parts.
     write_json(&root.path().join("transforms.json"), &json!({ "camera_angle_x": 0.9, "frames": [] }));
     complains(root.path(), &["transforms.json"]);
     fs::remove_file(root.path().join("transforms.json")).expect("removed");

@@ -54,8 +54,7 @@ fn cameras_at_one_place_take_the_extent_of_the_points() {
     assert_eq!(dataset.extent, 1.0);
 }
 
-/// One pose of a reconstruction that went wrong, 1e30 away, used to make the scene as large and every splat a speck in
-/// it.
+/// A wrong pose 1e30 away must not enlarge the scene until every splat is a speck.
 #[test]
 fn a_far_camera_is_named_and_does_not_change_the_extent() {
     let names = ["a.png", "b.png", "c.png", "d.png", "e.png", "f.png"];
@@ -78,12 +77,12 @@ fn a_far_camera_is_named_and_does_not_change_the_extent() {
         }
         assert!((0.8..1.25).contains(&(dataset.extent / sound.extent)), "{far}: {} {}", dataset.extent, sound.extent);
     }
-    // Ten times as far as the others.
+    // Ten times as far away as the other cameras.
     folder.images[3].translation[0] = 20.0;
     let dataset = load(&folder);
     assert!(dataset.warnings.iter().any(|w| matches!(w, Warning::CameraFarAway { .. })));
     assert!((0.8..1.25).contains(&(dataset.extent / sound.extent)), "{}", dataset.extent);
-    // A little farther than the others: the scene is as large as that.
+    // A little farther away than the other cameras: the camera is part of the extent.
     folder.images[3].translation[0] = -9.0;
     let dataset = load(&folder);
     assert!(!dataset.warnings.iter().any(|w| matches!(w, Warning::CameraFarAway { .. })));
@@ -107,7 +106,7 @@ fn geo_referenced_coordinates_give_the_same_scene() {
             assert!((x - y).abs() < 1e-8, "{x} {y}");
         }
     }
-    // Out as a model and back: the file's f32 coordinates and its offset are the points of the dataset.
+    // Written as a model and read again: f32 coordinates plus offset give the points of the dataset.
     let root = tempfile::tempdir().expect("temporary folder");
     let file = root.path().join("point_cloud.ply");
     ply::save(&file, &far.first_gaussians().expect("points"), &far.frame, false).expect("written");

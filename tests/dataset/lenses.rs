@@ -30,7 +30,7 @@ fn cases() -> Vec<Case> {
         case("SIMPLE_RADIAL_FISHEYE", 8, &[95.0, 84.0, 60.0, 0.03]),
         case("RADIAL_FISHEYE", 9, &[80.0, 83.0, 61.0, -0.02, 0.004]),
         case("OPENCV_FISHEYE", 5, &[62.0, 63.0, 85.0, 59.0, 0.03, -0.012, 0.004, -0.0006]),
-        // A strong one: 180 degrees across the longer side.
+        // Strong distortion: 180 degrees across the longer side.
         case("OPENCV_FISHEYE", 5, &[53.5, 53.5, 84.0, 60.0, 0.0, 0.0, 0.0, 0.0]),
     ]
 }
@@ -46,7 +46,7 @@ impl Case {
         }
     }
 
-    /// The pixel of a ray (x, y, 1), wherever the polynomial puts it.
+    /// The pixel of a ray (x, y, 1), without regard to the range of the polynomial.
     fn pixel(&self, x: f64, y: f64) -> [f64; 2] {
         let ([fx, fy], [cx, cy], k) = self.parts();
         let r2 = x * x + y * y;
@@ -72,7 +72,7 @@ impl Case {
         [fx * u + cx, fy * v + cy]
     }
 
-    /// The ray of a pixel: a walk from the axis towards the pixel, each step corrected with differences.
+    /// The ray of a pixel: steps from the axis to the pixel, each corrected with finite differences.
     fn ray(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
         let center = self.pixel(0.0, 0.0);
         let mut ray = [0.0; 2];
@@ -123,10 +123,9 @@ fn ray(camera: &Camera, i: u32, j: u32) -> [f64; 2] {
     [(f64::from(i) + 0.5 - camera.cx) / camera.fx, (f64::from(j) + 0.5 - camera.cy) / camera.fy]
 }
 
-/// How far each pixel of the undistorted picture is from where it should be, along an axis: the photograph shows waves
-/// of the undistorted picture, moved by a part of a period. In pixels
-/// of the undistorted picture or of the photograph, whichever is coarser there.
-/// `None` where the filter reaches over the photograph's edge.
+/// Error of each undistorted pixel's position along an axis, measured by waves that are shifted by a part of a period.
+/// In pixels of the undistorted picture or of the photograph, whichever are coarser there. `None` where the filter
+/// reaches over the photograph's edge.
 fn deviations(case: &Case, rays: &[Option<[f64; 2]>], camera: &Camera, axis: usize, moved: f64) -> Vec<Option<f64>> {
     const PERIOD: f64 = 28.0;
     let focal = [camera.fx, camera.fy][axis];
@@ -160,8 +159,7 @@ fn undistorted_pixels_are_where_their_rays_are() {
         let camera = first(case.dataset(|_| [0; 3]).path(), None).camera;
         let rays = case.rays();
         for axis in 0..2 {
-            // The mean over four positions of the waves: what 8 bits round away differs between them,
-            // a wrong place does not.
+            // The mean over four shifts of the waves: rounding to 8 bits differs between shifts, a wrong place stays.
             let all = [0.0, 0.23, 0.51, 0.74].map(|moved| deviations(&case, &rays, &camera, axis, moved));
             let mean = |k: usize| all.iter().map(|one| one[k]).sum::<Option<f64>>().map(|sum| sum / 4.0);
             let found: Vec<f64> = (0..all[0].len()).filter_map(mean).collect();
@@ -239,8 +237,8 @@ fn lens_rays_invert_pixels_up_to_the_turn_of_the_polynomial() {
     assert!(lens.ray([50.0 + 100.0 * turns * 2.0 / 3.0 - 1e-6, 50.0]).is_some());
     assert!(lens.ray([50.0 + 100.0 * turns * 2.0 / 3.0 + 1e-6, 50.0]).is_none());
     assert!(lens.project([f64::NAN, 0.0]).is_none());
-    // A picture that ends beyond the turn shows nothing twice: its frame is within the range,
-    // and its corners are masked.
+    // A photograph that ends beyond the turn shows nothing twice: the frame stays within the range, and corners
+    // are masked.
     let camera = Lens::new([90.0; 2], [100.0; 2], [200, 200], lens.distortion).pinhole();
     assert!(((0.5 - camera.cx) / camera.fx).abs() <= turns && camera.cx == camera.cy);
 }
@@ -260,7 +258,7 @@ fn a_lens_without_distortion_is_a_pinhole_camera() {
 
 #[test]
 fn frames_keep_the_middle_and_what_reaches_the_sides() {
-    // Barrel: filled to the edges, the middle of each side stays on the side. Pincushion: smaller than the photograph.
+    // Barrel: filled to the edges, the middle of each side stays in place. Pincushion: smaller than the photograph.
     for (k, corners_empty) in [(-0.15, false), (0.15, true)] {
         let case = Case { model: ("SIMPLE_RADIAL", 2), params: vec![130.0, 90.0, 55.0, k] };
         let root = case.dataset(|_| [255; 3]);

@@ -1,4 +1,4 @@
-//! COLMAP folders in: what is read, what is refused, the split, the frame.
+//! Reading COLMAP folders: values, errors, the split, the frame.
 
 #[path = "../colmap_folder/mod.rs"]
 mod colmap_folder;
@@ -64,7 +64,7 @@ fn binary_and_text_give_the_same_dataset() {
     let unknown =
         |warning: &Warning| matches!(warning, Warning::UnknownObservers { points: 1, point: 89, image: 4, .. });
     assert!(matches!(b.warnings.as_slice(), [one] if unknown(one)), "{:?}", b.warnings);
-    // Images are numbered as they were given: 1 is "x/b 2.png", 2 "a.png", 3 "c.png"; there is no image 4.
+    // Numbers of images follow the given order: 1 is "x/b 2.png", 2 "a.png", 3 "c.png". There is no image 4.
     assert_eq!(b.tracks, t.tracks);
     assert_eq!([11, 10, 9].map(|p| b.tracks.of(p)), [&[0, 2][..], &[0, 1, 2], &[0, 1, 2]]);
     assert_eq!(b.tracks.of(12), &[] as &[u32]);
@@ -74,7 +74,7 @@ fn binary_and_text_give_the_same_dataset() {
 fn photographs_are_decoded_by_role_and_in_order() {
     let folder = Folder::ring(&NAMES, [0.0; 3]);
     let root = folder.dataset(false);
-    // A test photograph is never decoded while training: this one would fail, its header being whole.
+    // A test photograph is never decoded in training: decoding this one fails, as only its header is whole.
     let file = root.path().join("images/a.png");
     let bytes = fs::read(&file).expect("photograph");
     fs::write(&file, &bytes[..60]).expect("truncated");
@@ -98,7 +98,7 @@ fn max_side_reduces_the_photograph_and_its_camera() {
     assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (10.25, 10.625, 5.5625, 4.375));
     let photograph = dataset.views[1].photograph().expect("decodes");
     assert_eq!((photograph.width, photograph.height), (12, 8));
-    // A linear ramp of slope 9 stays one of slope 18 whose pixel centres lie between those of the original.
+    // A linear ramp of slope 9 becomes a ramp of slope 18, with pixel centres between those of the original.
     for x in 2..10 {
         let green = f64::from(photograph.rgba8()[4 * (3 * 12 + x) + 1]);
         assert!((green - (18.0 * x as f64 + 4.5)).abs() <= 1.0, "{x}: {green}");
@@ -210,7 +210,7 @@ fn missing_photographs_are_named() {
     assert!(matches!(load(root.path()), Err(Error::NoPhotographs { .. })));
 }
 
-/// They are there as far as anyone knows.
+/// Folders without permission are an error, not empty folders.
 #[cfg(unix)]
 #[test]
 fn folders_that_may_not_be_looked_into_are_not_taken_for_empty() {
@@ -219,13 +219,13 @@ fn folders_that_may_not_be_looked_into_are_not_taken_for_empty() {
     for folder in ["images", "sparse", "sparse/0", ""] {
         let closed = root.path().join(folder);
         let set = |mode: u32| fs::set_permissions(&closed, fs::Permissions::from_mode(mode)).expect("permissions");
-        // May be listed or not, and in neither case entered.
+        // Mode 600 allows listing, mode 0 does not. Neither allows entering.
         for mode in [0o600, 0] {
             set(mode);
             let (found, anyone) = (load(root.path()), fs::metadata(closed.join(".")).is_ok());
             set(0o755);
             if anyone {
-                return common::left_out("this user may look into every folder");
+                return common::left_out("this user may read every folder");
             }
             let error = found.expect_err("closed").to_string();
             assert!(error.contains("Permission denied") && error.contains(folder), "{folder} {mode:o}: {error}");
@@ -261,7 +261,7 @@ fn grey_photographs_are_read_and_foreign_files_are_refused() {
     }
 }
 
-/// Surveys are often kept as TIFF, pictures of the web as WebP.
+/// TIFF is common for surveys, WebP for pictures from the web.
 #[test]
 fn tiff_and_webp_photographs_are_those_they_were_made_of() {
     let names = ["a.png", "b.tif", "c.webp"];
@@ -390,11 +390,11 @@ fn of_several_models_the_one_with_the_most_images_is_read() {
         let files = |folder: &Folder| if text { folder.text() } else { folder.binary() };
         let root = whole.dataset(text);
         let sparse = root.path().join("sparse");
-        // Alone it is read whatever its number is.
+        // A single model is read under any number.
         fs::rename(sparse.join("0"), sparse.join("10")).expect("moved");
         let alone = load(root.path()).expect("loads");
         assert_eq!((alone.views.len(), alone.warnings.as_slice()), (3, &[][..]));
-        // The largest is not the first, and not the first by letters either.
+        // The largest model is first neither by number nor by name.
         part.write(root.path(), &files(&part));
         fs::rename(sparse.join("0"), sparse.join("9")).expect("moved");
         part.write(root.path(), &files(&part));
@@ -407,12 +407,12 @@ fn of_several_models_the_one_with_the_most_images_is_read() {
         for words in ["3 parts", "sparse/10 (3 images), is used", "sparse/0 (2 images), sparse/9 (2 images) are not"] {
             assert!(said.contains(words), "{said}");
         }
-        // Of equal ones the first.
+        // Of equally large models, the first.
         whole.write(root.path(), &files(&whole));
         let equal = load(root.path()).expect("loads");
         assert!(matches!(&equal.warnings[0], Warning::OtherModels { used, .. } if used == "sparse/0"));
         if !text {
-            // One that cannot be counted might have been the largest.
+            // A model whose images cannot be counted might be the largest: an error.
             fs::write(sparse.join("9/images.bin"), [1, 0, 0]).expect("written");
             let error = load(root.path()).expect_err("cut").to_string();
             assert!(error.contains("9/images.bin: number of images at byte 0"), "{error}");
@@ -450,7 +450,7 @@ fn the_real_scenes_load() {
     }
     let Some(folder) = common::data("fox") else { return };
     let fox = load(&folder).expect("fox");
-    // As its description rounds them: 184.85 and 321.76.
+    // As rounded in the description of the scene: 184.85 and 321.76.
     assert!((fox.views[0].camera.cx - 184.85).abs() < 0.005 && (fox.views[0].camera.cy - 321.76).abs() < 0.005);
     assert_eq!(fox.views_of(Role::Train).count(), 43);
     assert_eq!(fox.photographs(Role::HeldOut).expect("decodes").len(), 7);

@@ -20,7 +20,7 @@ fn load(root: &Path, mask_ignores: MaskIgnores) -> Result<Dataset, Error> {
     Dataset::load(root, &LoadOptions { mask_ignores, ..LoadOptions::default() })
 }
 
-/// Columns whose pixels count, of the rows in which all agree.
+/// Columns whose pixels count; all rows must agree.
 fn counting(dataset: &Dataset, view: usize) -> Vec<usize> {
     let photograph = dataset.views[view].photograph().expect("decodes");
     let width = photograph.width as usize;
@@ -52,7 +52,7 @@ fn all_namings_in_both_polarities() {
             assert_eq!(counting(&dataset, 1).len(), 24, "without a mask all counts");
         }
     }
-    // A photograph that is no PNG: both names of its mask.
+    // A photograph in JPEG: both names of its mask.
     for mask in ["a.jpg.png", "a.png"] {
         let root = Folder::ring(&["a.jpg"], [0.0; 3]).dataset(false);
         write_mask(&root.path().join("masks").join(mask), 24, 16, 255);
@@ -102,7 +102,7 @@ fn masks_reach_through_the_lens_and_through_reduction() {
             let (i, j) = (k as u32 % camera.width, k as u32 / camera.width);
             let ray = [(f64::from(i) + 0.5 - camera.cx) / camera.fx, (f64::from(j) + 0.5 - camera.cy) / camera.fy];
             let (place, _) = lens.project(ray).expect("inside");
-            // Between the two the filter mixes.
+            // Near the edge of the mask, the filter mixes both sides.
             let reach = 2.0 * 240.0 / f64::from(max_side) + 1.0;
             if (place[0] - 80.0).abs() > reach && place.iter().all(|v| *v > 0.5) {
                 assert_eq!(p[3], if place[0] < 80.0 { 255 } else { 0 }, "{max_side}: {i}, {j} shows {place:?}");
@@ -155,7 +155,7 @@ fn transparent_pixels_show_the_background_that_is_asked_for() {
     assert_eq!(masked, 128);
     assert_eq!(said(Some([1.0; 3])), (String::new(), 0));
 
-    // At their own size, and where the picture is reduced: no colour of clear pixels is left at their edge.
+    // At full size and reduced: no colour of transparent pixels remains at their edge.
     for (max_side, edge) in [(24, 8), (12, 4)] {
         let options = LoadOptions { behind: Some([1.0, 1.0, 0.0]), max_side: Some(max_side), ..LoadOptions::default() };
         let photograph = Dataset::load(root.path(), &options).expect("loads").views[1].photograph().expect("decodes");
@@ -182,7 +182,7 @@ fn a_mask_leaves_out_of_a_photograph_that_is_laid_over_a_colour() {
     assert_eq!(counting(&dataset, 1), (0..8).collect::<Vec<_>>());
 }
 
-/// Masks as editors export them: white all over, with the mask in the transparency.
+/// A mask as image editors export: all white, with the mask in the alpha channel.
 fn write_clear_mask(file: &Path) {
     fs::create_dir_all(file.parent().expect("parent")).expect("folder");
     RgbaImage::from_fn(24, 16, |x, _| Rgba([255, 255, 255, if x < 8 { 255 } else { 0 }])).save(file).expect("mask");
@@ -205,7 +205,7 @@ fn a_mask_in_the_transparency_masks_and_says_so() {
     }
 }
 
-/// What is to be told of the photographs to train on.
+/// Warnings about the training photographs.
 fn told(dataset: &Dataset) -> Vec<String> {
     let (views, _) = prepare::views(dataset, Role::Train, &mut HostShare::unlimited()).expect("decoded");
     prepare::left_out(dataset, Role::Train, &views).iter().map(ToString::to_string).collect()
@@ -231,7 +231,7 @@ fn masks_that_leave_out_nothing_or_all_are_counted_and_named() {
     assert_eq!(told(&dataset), [all]);
 }
 
-/// The kinds of files that masks come in.
+/// Masks of several pixel formats.
 #[test]
 fn masks_of_one_bit_of_palettes_and_of_sixteen_bits_are_read() {
     let pictures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dataset/pictures");
@@ -246,10 +246,10 @@ fn masks_of_one_bit_of_palettes_and_of_sixteen_bits_are_read() {
             "{name}"
         );
     }
-    // Labels, of which 8 bits would leave nothing.
+    // Labels of 0 and 1 in 16 bits, which a reduction to 8 bits would make 0.
     image::ImageBuffer::<Luma<u16>, _>::from_fn(24, 16, |x, _| Luma([u16::from(x >= 12)])).save(&mask).expect("mask");
     assert_eq!(counting(&load(root.path(), MaskIgnores::Black).expect("labels"), 0), (12..24).collect::<Vec<_>>());
-    // Turned against its photograph, as pictures are whose orientation stands in a tag.
+    // Turned by 90 degrees against its photograph, as with an ignored orientation tag.
     write_mask(&mask, 16, 24, 255);
     let error = load(root.path(), MaskIgnores::Black).expect_err("turned").to_string();
     assert!(error.contains("16x24") && error.contains("turned by 90 degrees the mask would fit"), "{error}");

@@ -1,4 +1,4 @@
-//! Photographs, masks, clouds and maps whose names differ a little from those in the model.
+//! Photographs, masks, clouds and maps whose names differ a little from the names in the model.
 
 use std::fs;
 use std::path::Path;
@@ -11,7 +11,7 @@ use crate::colmap_folder::{Folder, write_photograph};
 use crate::formats::{cloud, nerfstudio, reconstruction, transforms, write_json};
 use crate::{NAMES, load};
 
-/// What is told of names that differ: how many, and the whole sentence.
+/// Warnings about names that differ: kind, count, and the whole message.
 fn told(dataset: &Dataset) -> Vec<(&'static str, usize, String)> {
     let of = |warning: &Warning| match warning {
         Warning::OtherNames { what, renamed, .. } => Some((*what, renamed.count(), warning.to_string())),
@@ -20,7 +20,7 @@ fn told(dataset: &Dataset) -> Vec<(&'static str, usize, String)> {
     dataset.warnings.iter().filter_map(of).collect()
 }
 
-/// The dataset of three formats with these names in its model, and photographs (relative to `images`) under other ones.
+/// One dataset in three formats, with `names` in its model and photographs under `files` (relative to `images`).
 fn of_each_format(names: &[&str], files: &[&str]) -> Vec<(&'static str, tempfile::TempDir)> {
     let mut folder = Folder::ring(names, [0.0; 3]);
     let fresh = || {
@@ -77,7 +77,7 @@ fn photographs_under_similar_names_are_found_in_every_format() {
         for (format, root) in of_each_format(&names, &files) {
             let dataset = load(root.path()).unwrap_or_else(|error| panic!("{format}, {names:?}: {error}"));
             let told = told(&dataset);
-            // nerfstudio's names have a folder that is not always one of the names.
+            // nerfstudio's names have a folder, which is not always part of the name.
             assert_eq!(told.len(), 1, "{format}, {names:?}: {told:?}");
             assert!(told[0].2.contains(words), "{format}: {}", told[0].2);
             let mut sorted = tints(&dataset);
@@ -116,7 +116,7 @@ fn a_name_that_several_files_could_be_is_refused_with_them() {
     write_photograph(&images.join("y/b.png"), 24, 16, 8);
     let error = load(root.path()).expect_err("unclear").to_string();
     assert!(error.contains("'x/b.png' and 'y/b.png' are there, and it could be any of them"), "{error}");
-    // What another pose names is no other's.
+    // A file that another pose names is no candidate.
     fs::remove_dir_all(images.join("x")).expect("removed");
     fs::remove_dir_all(images.join("y")).expect("removed");
     let mut folder = Folder::ring(&NAMES, [0.0; 3]);
@@ -124,7 +124,7 @@ fn a_name_that_several_files_could_be_is_refused_with_them() {
     folder.write(root.path(), &folder.binary());
     let error = load(root.path()).expect_err("taken").to_string();
     assert!(error.contains("'c.jpg'"), "{error}");
-    // Folders of a rig hold the same names.
+    // The folders of a rig hold equal file names.
     let rig = Folder::ring(&["left/1.png", "right/1.png"], [0.0; 3]);
     let root = rig.dataset(false);
     fs::remove_file(root.path().join("images/left/1.png")).expect("removed");
@@ -164,7 +164,7 @@ fn photographs_outside_of_the_dataset_are_never_read() {
         for (format, root) in of_each_format(&[name, "b.png"], &["b.png", "c.png"]) {
             let error = load(root.path()).expect_err("outside").to_string();
             assert!(error.contains("leads out of the folder of photographs and is not followed"), "{format}: {error}");
-            // Where poses suffice, what is made of the photograph has a name inside of its folder.
+            // Where only poses are needed, the names of results stay inside the folder.
             let poses = Dataset::load(root.path(), &LoadOptions { photographs: false, ..LoadOptions::default() });
             let poses = poses.expect("poses");
             assert!(
@@ -175,7 +175,7 @@ fn photographs_outside_of_the_dataset_are_never_read() {
     }
 }
 
-/// Links that the user has put into the dataset are followed.
+/// Symbolic links in the dataset are followed.
 #[cfg(unix)]
 #[test]
 fn linked_photographs_are_read() {
@@ -221,7 +221,7 @@ fn paths_of_masks_and_points_stay_inside_of_the_dataset() {
         set(root.path(), &mask, "sparse_pc.ply");
         let error = load(root.path()).expect_err("a mask outside").to_string();
         assert!(error.contains("mask_path of frame 'a.png'") && error.contains("leads out of the dataset"), "{error}");
-        // Inside, the last part is enough, and that is told.
+        // Inside the dataset the last part of the path is enough, with a warning.
         GrayImage::from_fn(24, 16, |x, _| Luma([if x < 8 { 255 } else { 0 }]))
             .save(root.path().join("m.png"))
             .expect("mask");
@@ -261,7 +261,7 @@ fn a_folder_that_is_nearly_that_of_masks_is_told() {
         fs::rename(root.path().join(name), root.path().join("masks")).expect("renamed");
         assert!(load(root.path()).expect("loads").warnings.is_empty());
     }
-    // A folder without pictures is none.
+    // A folder without pictures is no folder of masks.
     let root = Folder::ring(&NAMES, [0.0; 3]).dataset(false);
     fs::create_dir_all(root.path().join("mask")).expect("folder");
     assert!(load(root.path()).expect("loads").warnings.is_empty());
@@ -269,7 +269,7 @@ fn a_folder_that_is_nearly_that_of_masks_is_told() {
 
 #[test]
 fn reduced_copies_and_maps_do_not_stand_in_for_photographs() {
-    // Without the usual folder names are looked for in the whole dataset.
+    // Without the usual folder, the whole dataset is searched.
     let folder = Folder::ring(&NAMES, [0.0; 3]);
     let root = nerfstudio(&folder, false);
     let mut value = transforms(&folder);

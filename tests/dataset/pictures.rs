@@ -1,5 +1,5 @@
-//! Files of pictures: every valid kind is read, claims beyond the memory are refused,
-//! and other files are told as what they are.
+//! Picture files: every valid kind is read, sizes beyond the memory are refused, and errors name the kind of other
+//! files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,17 +13,18 @@ fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dataset/pictures").join(name)
 }
 
-/// The colour of the pictures at a place.
+/// The colour of the pictures at a pixel.
 fn colour(x: u32, y: u32) -> [u8; 3] {
     [40 + 6 * x, 30 + 9 * y, 200 - 4 * x - 3 * y].map(|v| v as u8)
 }
 
-/// Their brightness, where they have no colour.
+/// The brightness of the grey pictures.
 fn grey(x: u32) -> u8 {
     40 + 6 * x as u8
 }
 
-/// Reads a picture of 24x16 pixels, alone and as the photograph of a dataset, and compares it within some steps of 255.
+/// Reads a picture of 24x16 pixels, alone and as the photograph of a dataset, and compares its pixels within `within`
+/// steps of 255.
 fn reads(name: &str, within: u8, want: impl Fn(u32, u32) -> [u8; 3]) {
     let alone = Photograph::read(&file(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
     let folder = Folder::ring(&[name], [0.0; 3]);
@@ -67,18 +68,18 @@ fn pictures_of_every_valid_kind_are_read() {
     }
     for (name, size) in [("flat.webp", (2000, 1500)), ("blank_group4.tif", (4000, 3000))] {
         let photograph = Photograph::read(&file(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
-        assert_eq!((photograph.width, photograph.height), size, "few bytes for many pixels");
+        assert_eq!((photograph.width, photograph.height), size, "a wrong size of a small file");
     }
 }
 
-/// The decoder's own limits were met by photographs of large cameras, stored as one strip.
+/// A photograph of a large camera in one strip, beyond the decoder's own limits.
 #[test]
 fn a_large_uncompressed_picture_of_16_bits_is_read() {
     let root = tempfile::tempdir().expect("temporary folder");
     let file = root.path().join("large.tif");
     let (width, height) = (9000_u32, 6000_u32);
     let data = u64::from(width) * u64::from(height) * 6;
-    // The header, a directory of one strip, and pixels that are a hole in the file.
+    // The header, a directory of one strip, and pixels as a hole in the file.
     let mut bytes = b"II\x2a\0\x08\0\0\0".to_vec();
     let entries: [(u16, u16, u32, u32); 9] = [
         (256, 4, 1, width),
@@ -106,7 +107,7 @@ fn a_large_uncompressed_picture_of_16_bits_is_read() {
     fs::OpenOptions::new().write(true).open(&file).expect("opened").set_len(132 + data).expect("a hole");
     match Photograph::read(&file) {
         Ok(photograph) => assert_eq!((photograph.width, photograph.height), (width, height)),
-        // A machine that has no gigabyte to spare.
+        // A machine without a free gigabyte.
         Err(Error::PictureTooLarge { .. } | Error::NoMemoryForPicture { .. }) => {}
         Err(error) => panic!("{error}"),
     }
@@ -118,7 +119,7 @@ fn a_kind_of_picture_that_is_not_read_is_told_with_a_remedy() {
     assert!(error.contains("palette.tif") && error.contains("convert it to PNG or JPEG"), "{error}");
 }
 
-/// A photograph of a dataset in which these bytes stand: loading or decoding must fail, and the message name the file.
+/// A dataset with these bytes as a photograph: loading or decoding must fail, with the file in the message.
 fn refused(name: &str, bytes: &[u8], host_memory: Option<u64>) -> Error {
     let folder = Folder::ring(&[name], [0.0; 3]);
     let root = tempfile::tempdir().expect("temporary folder");
@@ -150,10 +151,10 @@ fn a_file_of_another_kind_is_told_as_what_it_is() {
     }
     let tiff = fs::read(file("group4.tif")).expect("a file");
     let error = refused("a.NEF", &tiff, None).to_string();
-    assert!(error.contains("raw file"), "the small picture in front is not the photograph: {error}");
+    assert!(error.contains("raw file"), "a preview was taken for the photograph: {error}");
 }
 
-/// Makes a PNG file claim a size, its checksum being right.
+/// A PNG file that claims a size, with a correct checksum.
 fn png_of(width: u32, height: u32, bytes: u32) -> Vec<u8> {
     let mut png = fs::read(file("bits.png")).expect("a file");
     png[16..20].copy_from_slice(&width.to_be_bytes());
@@ -164,7 +165,7 @@ fn png_of(width: u32, height: u32, bytes: u32) -> Vec<u8> {
     png
 }
 
-/// Makes a JPEG file claim a size.
+/// A JPEG file that claims a size.
 fn jpeg_of(name: &str, width: u16, height: u16, bytes: usize) -> Vec<u8> {
     let mut jpeg = fs::read(file(name)).expect("a file");
     let frame = jpeg.windows(2).position(|w| w[0] == 0xff && matches!(w[1], 0xc0 | 0xc2)).expect("a frame");
@@ -174,7 +175,7 @@ fn jpeg_of(name: &str, width: u16, height: u16, bytes: usize) -> Vec<u8> {
     jpeg
 }
 
-/// Makes a TIFF file claim a size.
+/// A TIFF file that claims a size.
 fn tiff_of(name: &str, side: u32) -> Vec<u8> {
     let mut tiff = fs::read(file(name)).expect("a file");
     let word = |at: usize| u16::from_le_bytes([tiff[at], tiff[at + 1]]);
@@ -199,7 +200,7 @@ fn exr_of(side: i32) -> Vec<u8> {
             bytes[at + corner..at + corner + 4].copy_from_slice(&(side - 1).to_le_bytes());
         }
     }
-    // The number of parts is worked out where no attribute tells it.
+    // Without this attribute, the decoder computes the number of chunks.
     if let Some(at) = bytes.windows(10).position(|w| w == b"chunkCount") {
         bytes[at] = b'k';
     }
@@ -207,7 +208,7 @@ fn exr_of(side: i32) -> Vec<u8> {
     bytes
 }
 
-/// What decoders do with such sizes is to end the process.
+/// Decoding pictures of these sizes would end the process.
 #[test]
 fn a_size_beyond_the_memory_is_refused_before_it_is_decoded() {
     let limit = Some(1 << 30);
@@ -223,7 +224,7 @@ fn a_size_beyond_the_memory_is_refused_before_it_is_decoded() {
         let Error::PictureTooLarge { needed, limit, .. } = &error else { panic!("{name}: {error}") };
         assert!(*needed > limit.most && limit.asked, "{error}");
         assert!(error.to_string().contains("may be used; store a smaller picture, or allow more"), "{error}");
-        // Without a limit of the user's, the machine's: an error all the same, whatever the machine has.
+        // Without a limit by the user, the machine's memory is the limit: an error on every machine.
         refused(name, &bytes, None);
     }
 }
@@ -237,7 +238,7 @@ fn masks_and_further_windows_are_held_against_the_limit_too() {
     let options = LoadOptions { host_memory: Some(1 << 30), ..LoadOptions::default() };
     let error = Dataset::load(root.path(), &options).map(|_| ()).expect_err("a mask");
     assert!(matches!(error, Error::PictureTooLarge { .. }) && error.to_string().contains("masks/a.png"), "{error}");
-    // Shown are 24x16 pixels of many more.
+    // The display window has 24x16 pixels, the data window far more.
     let mut bytes = exr_of(60_000);
     let name = b"displayWindow\0box2i\0";
     let at = bytes.windows(name.len()).position(|w| w == name).expect("a window") + name.len() + 4;

@@ -1,4 +1,4 @@
-//! Models in places other than the usual ones, and what is said where there is none.
+//! Models in unusual places, and errors where there is no model.
 
 use std::fs;
 use std::path::Path;
@@ -18,7 +18,7 @@ fn move_into(from: &Path, to: &Path) {
     fs::remove_dir_all(from).expect("removed");
 }
 
-/// A dataset whose model lies in a place of its own, and photographs in another.
+/// A dataset with its model in the folder `model` and its photographs in the folder `photographs`.
 fn laid_out(model: &str, photographs: &str) -> tempfile::TempDir {
     let root = Folder::ring(&NAMES, [0.0; 3]).dataset(false);
     let sparse = root.path().join("sparse");
@@ -55,7 +55,7 @@ fn models_in_other_places_are_found() {
 
 #[test]
 fn originals_of_a_conversion_go_with_the_original_model() {
-    // convert.py leaves undistorted photographs in images/, with a model in sparse/0, beside what they were made of.
+    // convert.py leaves undistorted photographs in images/ and their model in sparse/0, beside the originals.
     let root = laid_out("distorted/sparse/0", "input");
     Folder::ring(&NAMES, [0.0; 3]).write_photographs(&root.path().join("images"));
     let dataset = load(root.path()).expect("the originals");
@@ -71,19 +71,19 @@ fn of_models_in_two_places_the_one_that_is_read_is_told() {
     let whole = Folder::ring(&NAMES, [0.0; 3]);
     let mut part = whole.clone();
     part.images.truncate(2);
-    // The usual place goes first, whatever else there is.
+    // The usual place wins over all others.
     let root = laid_out("sparse/aligned", "images");
     part.write(root.path(), &part.binary());
     let dataset = load(root.path()).expect("loads");
     assert_eq!(dataset.views.len(), 2);
     let warning = Warning::OtherPlaces { used: "sparse/0".to_owned(), others: vec!["sparse/aligned".to_owned()] };
     assert!(dataset.warnings.contains(&warning), "{:?}", dataset.warnings);
-    // Else the one with the most images.
+    // Otherwise the model with the most images.
     fs::rename(root.path().join("sparse/0"), root.path().join("sparse/a-part")).expect("moved");
     let dataset = load(root.path()).expect("loads");
     let warning = Warning::OtherPlaces { used: "sparse/aligned".to_owned(), others: vec!["sparse/a-part".to_owned()] };
     assert_eq!((dataset.views.len(), dataset.warnings.as_slice()), (3, &[warning][..]));
-    // Beside transforms.json, that is read as before.
+    // transforms.json wins over a model of COLMAP beside it.
     let root = nerfstudio(&whole, false);
     whole.binary().iter().for_each(|(name, bytes)| fs::write(root.path().join(name), bytes).expect("written"));
     let dataset = load(root.path()).expect("loads");
@@ -91,7 +91,7 @@ fn of_models_in_two_places_the_one_that_is_read_is_told() {
     assert_eq!((dataset.format, dataset.warnings.as_slice()), (Format::Nerfstudio, &[several][..]));
     let asked = LoadOptions { format: Some(Format::Colmap), ..LoadOptions::default() };
     assert_eq!(Dataset::load(root.path(), &asked).expect("asked for").format, Format::Colmap);
-    // What nerfstudio works with itself is no other model.
+    // nerfstudio's own folder colmap/ is no second model.
     let root = nerfstudio(&whole, false);
     fs::create_dir_all(root.path().join("colmap/sparse/0")).expect("folder");
     for (name, bytes) in whole.binary() {
@@ -108,7 +108,7 @@ fn the_folder_of_a_model_is_not_a_dataset_of_its_own() {
     let root = laid_out("sparse/aligned", "images");
     let error = load(&root.path().join("sparse/aligned")).expect_err("a part").to_string();
     assert!(error.contains("the dataset is two folders above it"), "{error}");
-    // A dataset deeper down is told.
+    // The error names a dataset deeper down.
     let outer = tempfile::tempdir().expect("temporary folder");
     let inner = outer.path().join("job/dense/0");
     fs::create_dir_all(inner.parent().expect("parent")).expect("folder");
@@ -162,7 +162,7 @@ fn cameras_of_other_programs_are_named_as_what_they_are() {
             }
         }
     }
-    // Other files of such kinds are no cameras.
+    // Other files with these extensions are not taken for cameras.
     let root = tempfile::tempdir().expect("temporary folder");
     Folder::ring(&NAMES, [0.0; 3]).write_photographs(&root.path().join("images"));
     for (name, content) in

@@ -1,4 +1,4 @@
-//! Reconstructed points: where they are read from, and those whose colours say nothing.
+//! Reconstructed points: their files, and points without useful colours.
 
 use std::fs;
 use std::path::Path;
@@ -14,7 +14,7 @@ use super::colmap_folder::{Folder, ImageRow, PointRow};
 use super::formats::transforms;
 use super::{NAMES, load};
 
-/// A ring of cameras with points all over their pictures.
+/// A ring of cameras with points all over their photographs.
 fn ring(names: &[&str]) -> Folder {
     let mut folder = Folder::ring(names, [0.0; 3]);
     let one = folder.points[0].clone();
@@ -43,7 +43,7 @@ fn input(dataset: &Dataset, settings: &Settings) -> Input {
     prepare::input(dataset, settings).expect("an input")
 }
 
-/// The colours that the first splats show.
+/// The colours of the first splats.
 fn shown(input: &Input) -> Vec<[u8; 3]> {
     let colour = |sh: &[f32]| [0, 1, 2].map(|c| (255.0 * (0.5 + SH_C0 * f64::from(sh[c]))).round() as u8);
     input.initial.sh[0].chunks_exact(12).map(colour).collect()
@@ -55,7 +55,7 @@ fn points_of_one_colour_take_the_colours_of_the_photographs() {
     for colour in [[0; 3], [255; 3], [10, 20, 30]] {
         folder.points.iter_mut().for_each(|point| point.colour = colour);
         let root = folder.dataset(false);
-        // Held out is `a`, and seen by no training.
+        // `a` is held out, so training must not see its colour.
         write_plain(&folder, root.path(), |_, image| if image.name == "a.png" { [9; 3] } else { [200, 100, 50] });
         let dataset = load(root.path()).expect("loads");
         let told = dataset.warnings.iter().filter(|warning| matches!(warning, Warning::PointsWithoutColours(_)));
@@ -83,7 +83,7 @@ fn points_with_colours_of_their_own_keep_them() {
 fn colours_come_from_the_photographs_that_observe_a_point() {
     let mut folder = ring(&["a.png", "b.png", "c.png", "d.png", "e.png"]);
     for (k, point) in folder.points.iter_mut().enumerate() {
-        // By turns the second image and the last, though all have the point in their picture.
+        // Observed by the second image and the last in turn, though the point lies in the frame of every image.
         (point.colour, point.track) = ([0; 3], vec![(if k % 2 == 0 { 2 } else { 5 }, 0)]);
     }
     let root = folder.dataset(false);
@@ -100,7 +100,7 @@ fn an_init_cloud_without_colours_takes_those_of_photographs() {
     write_plain(&folder, root.path(), |_, _| [200, 100, 50]);
     let dataset = load(root.path()).expect("loads");
     let file = root.path().join("cloud.ply");
-    // The last is behind all cameras.
+    // The last point is behind all cameras.
     let positions = vec![[0.1, 0.2, 0.0], [0.3, -0.2, 0.1], [0.0, 0.0, 50.0]];
     Cloud { positions, ..Cloud::default() }.write(&file).expect("written");
     let mut settings = Settings::default();
@@ -207,7 +207,7 @@ fn points_of_no_use_are_told_and_training_begins_as_without_any() {
         let told = dataset.problems(&dataset.sights()).join("\n");
         assert!(told.contains("points3D.bin: the points are of little use: of 7 photographs"), "{what}: {told}");
         assert!(!told.contains("pose"), "{what}: {told}");
-        // Stereo looks where it would without points.
+        // Stereo searches the depths that it would search without points.
         let chosen: Vec<usize> = dataset.views_of(Role::Train).map(|(i, _)| i).collect();
         assert_eq!(Observations::of(&dataset, &chosen, 3), Observations::of(&none, &chosen, 3), "{what}");
     }
@@ -220,7 +220,7 @@ fn points_that_serve_a_part_of_the_photographs_stay() {
     let whole = ring(&names);
     let dataset = load(whole.dataset(false).path()).expect("loads");
     assert_eq!((&dataset.useless, dataset.problems(&dataset.sights())), (&None, vec![]), "all are served");
-    // Of ten photographs to train on (0 and 8 are held out) some see no point: one in four of all is enough.
+    // Of ten training photographs (0 and 8 are held out) some see no point. One in four that sees points is enough.
     for (away, useful) in [(7, true), (8, false)] {
         let mut folder = whole.clone();
         let on = folder.images.iter_mut().enumerate().filter(|(i, _)| i % 8 != 0).map(|(_, image)| image);
@@ -235,7 +235,7 @@ fn points_that_serve_a_part_of_the_photographs_stay() {
     }
 }
 
-/// Clouds of a dataset of either format and of `--init`: floats, words, other names, and none at all.
+/// Clouds of datasets in both formats and of `--init`: colours as floats, as words, under other names, and missing.
 #[test]
 fn colours_of_clouds_are_read_wherever_a_cloud_is_read() {
     let mut folder = ring(&NAMES);

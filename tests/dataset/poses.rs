@@ -1,4 +1,4 @@
-//! Poses that the reconstruction's own points speak against.
+//! Poses that contradict the points of the reconstruction.
 
 use psrgs_vk::dataset::{Convention, Dataset, Error, Format, LoadOptions, PoseFault, Role, Split, Warning};
 
@@ -40,7 +40,7 @@ fn place(k: u32) -> ([f64; 4], [f64; 3]) {
     let around = std::f64::consts::TAU * f64::from(k) / f64::from(VIEWS);
     let above = 25_f64.to_radians();
     let half = |angle: f64| (0.5 * angle).sin_cos();
-    // Before any turn the camera looks along y of the world with z upwards: x right, -z down, y forwards.
+    // The camera starts along y of the world, with z upwards: x right, -z down, y forwards.
     let start = [0.5_f64.sqrt(), 0.5_f64.sqrt(), 0.0, 0.0];
     let ((s, c), (t, d)) = (half(-above), half(around));
     let tilted = product([c, -s, 0.0, 0.0], start);
@@ -59,7 +59,7 @@ fn pixel(image: &ImageRow, point: [f64; 3]) -> [f64; 2] {
     [FOCAL * (x + tx) / (z + tz) + 48.0, FOCAL * (y + ty) / (z + tz) + 32.0]
 }
 
-/// Twelve photographs of 60 points about the origin, each with the places of all of them.
+/// Twelve photographs of 60 points about the origin, each with keypoints of all points.
 fn scene() -> Folder {
     let point = |i: u32| PointRow {
         id: u64::from(i) + 1,
@@ -107,7 +107,7 @@ fn wrong(dataset: &Dataset) -> Vec<(&str, PoseFault, bool)> {
     dataset.warnings.iter().filter_map(of).collect()
 }
 
-/// Ways for a pose to be wrong.
+/// Makes a pose wrong in one of several ways.
 fn spoil(folder: &mut Folder, way: &str) {
     let opposite = folder.images[11].clone();
     let image = &mut folder.images[5];
@@ -214,7 +214,7 @@ fn a_far_camera_whose_points_fit_is_part_of_the_extent() {
     assert!(dataset.extent > 30.0, "{}", dataset.extent);
 }
 
-/// Without tracks nothing but where the camera is, and what it sees, speaks for or against its pose.
+/// Without tracks, a pose is judged by the camera's position and by the points in its view.
 #[test]
 fn a_far_camera_without_points_does_not_change_the_extent() {
     let bare = |way: Option<&str>| {
@@ -244,7 +244,7 @@ fn a_far_camera_without_points_does_not_change_the_extent() {
 #[test]
 fn poses_and_points_of_different_reconstructions_are_named() {
     let mut folder = scene();
-    // Into other coordinates.
+    // Moved into other coordinates.
     folder.points.iter_mut().for_each(|p| p.position = [p.position[1], p.position[0], 70.0 - p.position[2]]);
     let dataset = load(&folder);
     assert!(
@@ -267,7 +267,7 @@ fn quaternion(m: &Matrix) -> [f64; 4] {
     [w, (m[2][1] - m[1][2]) / (4.0 * w), (m[0][2] - m[2][0]) / (4.0 * w), (m[1][0] - m[0][1]) / (4.0 * w)]
 }
 
-/// Matrices of four rows that a file may have instead of world to camera with y down and z forwards.
+/// The pose of an image in convention `found` in place of world to camera with y down and z forwards.
 fn written(image: &ImageRow, found: Option<Convention>) -> (Matrix, [f64; 3]) {
     written_of((matrix(image.quaternion), image.translation), found)
 }
@@ -289,7 +289,7 @@ pub(super) fn written_of((r, t): (Matrix, [f64; 3]), found: Option<Convention>) 
 #[test]
 fn poses_of_another_convention_are_recognised_by_their_points() {
     for found in Convention::ALL {
-        // With keypoints of another size than the camera the tracks say it.
+        // Where keypoints have another scale than the camera, tracks reveal the convention.
         for keypoints in [Some(1.0), Some(4.0), None] {
             let mut folder = scene();
             for image in &mut folder.images {
@@ -313,7 +313,7 @@ fn poses_of_another_convention_are_recognised_by_their_points() {
 
 fn transforms(folder: &std::path::Path, rows: impl Fn(&ImageRow) -> (Matrix, [f64; 3])) {
     let scene = scene();
-    // Six times as many points: a cloud without tracks.
+    // Six times as many points, as a cloud without tracks.
     let all = |p: &PointRow| [0.0, 0.05, -0.05, 0.1, 0.15, -0.1].map(|d| p.position.map(|v| v + d));
     let points: Vec<[f64; 3]> = scene.points.iter().flat_map(all).collect();
     let mut ply = format!(
@@ -348,7 +348,7 @@ fn transforms(folder: &std::path::Path, rows: impl Fn(&ImageRow) -> (Matrix, [f6
 fn points_in_view_reveal_the_pose_convention_of_transforms_json() {
     let options = LoadOptions { split: Split::None, photographs: false, ..LoadOptions::default() };
     let folder = tempfile::tempdir().unwrap();
-    // As the format has them: camera to world with y up and z backwards.
+    // The convention of the format: camera to world with y up and z backwards.
     transforms(folder.path(), |image| written(image, Some(Convention::InvertedWithOtherAxes)));
     let sound = Dataset::load(folder.path(), &options).unwrap();
     assert_eq!(sound.warnings, []);

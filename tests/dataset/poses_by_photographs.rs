@@ -1,4 +1,4 @@
-//! Poses that the photographs speak against: by the colours of the points, and by what neighbours have in common.
+//! Poses that contradict the photographs: by the colours of points, and by the content that neighbours share.
 
 use image::{Rgb, RgbImage};
 use psrgs_vk::dataset::{
@@ -43,7 +43,7 @@ fn place(k: u32) -> ([f64; 4], [f64; 3]) {
     (product(down, turn(2, 0.4 + 0.3 * a)), [1.1 * f64::from(at), 1.1 * f64::from(line), 4.0 + 0.3 * b])
 }
 
-/// The flight and points on the ground, with the images that show each; no image has keypoints.
+/// The flight and points on the ground, each with the images that show it. No image has keypoints.
 fn flight() -> Folder {
     let image = |k: u32| {
         let (quaternion, center) = place(k);
@@ -68,7 +68,7 @@ fn flight() -> Folder {
     Folder { cameras: vec![camera], images, points }
 }
 
-/// What an image of the flight shows from its own pose.
+/// The photograph of an image of the flight from its own pose.
 fn photograph(image: &ImageRow) -> RgbImage {
     let back = turned_about(&matrix(image.quaternion));
     let center = apply(&back, image.translation).map(|v| -v);
@@ -114,7 +114,7 @@ fn colours_reveal_swapped_photographs_without_keypoints() {
         for text in [false, true] {
             let mut model = flight();
             if zeros {
-                // As exporters write them that know the points of a photograph, and not where they are in the picture.
+                // As written by exporters that know the points of a photograph and not their pixels.
                 for image in &mut model.images {
                     let shown = model.points.iter().filter(|point| point.track.iter().any(|(id, _)| *id == image.id));
                     image.keypoints = shown.map(|point| (0.0, 0.0, point.id as i64)).collect();
@@ -125,7 +125,7 @@ fn colours_reveal_swapped_photographs_without_keypoints() {
             assert_eq!(wrong(&sound), []);
             change_places(&mut model, [5, 6]);
             let (_root, dataset) = loaded(&model, text);
-            assert_eq!(dataset.warnings, [], "the tracks say nothing of it");
+            assert_eq!(dataset.warnings, [], "the tracks cannot reveal swapped photographs");
             match wrong(&dataset)[..] {
                 [(5, PoseFault::OtherPose { fit, other }), (6, PoseFault::OtherPose { .. })] => {
                     assert!(fit < 0.5 && other > 0.8, "{fit} {other}");
@@ -173,7 +173,7 @@ fn transforms(root: &std::path::Path, written: impl Fn((Matrix, [f64; 3])) -> (M
 #[test]
 fn neighbours_without_points_reveal_the_pose_convention() {
     let root = tempfile::tempdir().unwrap();
-    // As the format has them: camera to world with y up and z backwards.
+    // The convention of the format: camera to world with y up and z backwards.
     let sound = transforms(root.path(), |pose| written_of(pose, Some(Convention::InvertedWithOtherAxes)));
     assert!(sound.points.is_empty());
     assert_eq!(wrong(&sound), []);
@@ -192,7 +192,7 @@ fn neighbours_without_points_reveal_the_pose_convention() {
     }
 }
 
-/// Poses of the flight with an error of their own each are wrong in every convention.
+/// Poses of the flight with a different error each are wrong in every convention.
 #[test]
 fn poses_wrong_in_every_convention_match_none() {
     let root = tempfile::tempdir().unwrap();
@@ -205,7 +205,7 @@ fn poses_wrong_in_every_convention_match_none() {
     assert_eq!(wrong(&dataset), []);
 }
 
-/// A real scene, of whose points nothing says which photographs show them, and its photographs.
+/// A real scene without the tracks of its points, and its photographs.
 fn without_tracks(name: &str) -> Option<(Dataset, Vec<Option<Supply>>)> {
     let mut dataset = Dataset::load(&common::data(name)?, &options(320)).unwrap();
     dataset.tracks = Tracks::default();
@@ -214,7 +214,7 @@ fn without_tracks(name: &str) -> Option<(Dataset, Vec<Option<Supply>>)> {
     Some((dataset, photographs))
 }
 
-/// A camera as a file in another convention has it.
+/// The camera as read from a file in convention `found`.
 fn in_convention(camera: &mut Camera, found: Convention) {
     let image = (camera.rotation, camera.translation);
     (camera.rotation, camera.translation) = written_of(image, Some(found));

@@ -1,11 +1,11 @@
-//! Records that cannot be used: a few of many are left out and told, more are an error,
-//! and so is the first where that is asked for.
+//! Unusable records: a few of many are left out with a warning, more are an error. In strict mode the first is an
+//! error.
 
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
 
-use image::{ImageFormat, RgbImage};
+use image::ImageFormat;
 use psrgs_vk::dataset::{Dataset, Error, HostShare, LoadOptions, Role, Warning};
 use psrgs_vk::format::{LeftOut, ply};
 use psrgs_vk::scene::{Frame, Gaussians};
@@ -13,7 +13,7 @@ use psrgs_vk::train::prepare;
 
 use crate::colmap_folder::{CameraRow, Folder, ImageRow, PINHOLE, PointRow};
 use crate::formats::{cloud, nerfstudio, opensfm, reconstruction, transforms, turned, write_json};
-use crate::load;
+use crate::{common, load};
 
 fn many() -> Vec<String> {
     (0..20).map(|i| format!("{i:02}.png")).collect()
@@ -22,7 +22,7 @@ fn many() -> Vec<String> {
 fn ring() -> Folder {
     let names = many();
     let mut folder = Folder::ring(&names.iter().map(String::as_str).collect::<Vec<_>>(), [0.0; 3]);
-    // Seen by photographs before, of and behind those that are left out.
+    // The images of each point's track lie before, among and after those that are left out.
     for (point, first) in folder.points.iter_mut().zip(1..) {
         point.track = (first..first + 6).map(|image| (image, 0)).collect();
     }
@@ -33,7 +33,7 @@ fn strictly(root: &Path) -> Result<Dataset, Error> {
     Dataset::load(root, &LoadOptions { strict: true, ..LoadOptions::default() })
 }
 
-/// What was left out, if anything; told once.
+/// The warnings about records that were left out.
 fn left_out(dataset: &Dataset) -> Vec<&LeftOut> {
     dataset
         .warnings
@@ -42,8 +42,8 @@ fn left_out(dataset: &Dataset) -> Vec<&LeftOut> {
         .collect()
 }
 
-/// The dataset is read without the records, says so with these words,
-/// and is refused with the last of them where that is asked for.
+/// Checks that the dataset is read without the records and warns with `words`, and that strict mode fails with the last
+/// of the words.
 #[track_caller]
 fn leaves_out(root: &Path, what: &str, count: usize, of: usize, words: &[&str]) -> Dataset {
     let dataset = load(root).expect(what);
@@ -86,7 +86,7 @@ fn poses_of_colmap_that_cannot_be_used_are_left_out() {
             let mut want = names(&whole);
             want.remove(7);
             assert_eq!(names(&dataset), want);
-            // What saw the points is told of the views that are left.
+            // Tracks name the remaining views.
             assert_eq!(dataset.points, whole.points);
             let seen = |dataset: &Dataset, point| -> Vec<String> {
                 dataset.tracks.of(point).iter().map(|view| dataset.views[*view as usize].name.clone()).collect()
@@ -141,7 +141,7 @@ fn a_photograph_with_two_poses_has_the_first_and_ids_may_repeat() {
                 .map(|(view, here)| psrgs_vk::dataset::View { path: here.path.clone(), ..view.clone() })
                 .collect::<Vec<_>>()
         );
-        // Another image with a number that is taken: only who saw which point is not known.
+        // Two images of one number: only the tracks of that number are unknown.
         let mut folder = ring();
         folder.images[3].id = 2;
         folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
@@ -195,7 +195,7 @@ fn lines_of_text_that_cannot_be_read_are_left_out() {
     leaves_out(root.path(), "points", 1, 12, &["colour of point 100"]);
     rewritten("images.txt", " 1 08.png", " one 08.png");
     leaves_out(root.path(), "images", 1, 20, &["'08.png'", "camera of image '08.png'"]);
-    // Keypoints are not used: only the line is told.
+    // Keypoints are not used: only the line is reported.
     rewritten("images.txt", "1.5 2.25 -1\n", "1.5 2.25\n");
     let dataset = leaves_out(root.path(), "lines of keypoints", 1, 20, &["are not a multiple of three"]);
     assert_eq!(dataset.views.len(), 20);
@@ -223,7 +223,7 @@ fn cameras_that_no_image_uses_need_not_be_readable() {
     ];
     for (what, camera, words) in odd {
         for text in [false, true] {
-            // Before and after the one that is used.
+            // Before and after the camera that is used.
             for at in [0, 1] {
                 let root = ring().dataset(text);
                 let mut folder = ring();
@@ -232,7 +232,7 @@ fn cameras_that_no_image_uses_need_not_be_readable() {
                 println!("{what}, text: {text}, at {at}");
                 let dataset = leaves_out(root.path(), "cameras", 1, 2, &["cameras.", "camera 9", words]);
                 assert_eq!(dataset.views.len(), 20);
-                // A few images may have it, and are left out with it.
+                // A few images with an unusable camera are left out.
                 folder.images[4].camera = 9;
                 folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
                 leaves_out(root.path(), "images", 1, 20, &["'04.png'", words]);
@@ -255,7 +255,7 @@ fn a_camera_that_occurs_twice_is_one_where_both_are_alike() {
         leaves_out(root.path(), "cameras", 1, 2, &["camera 1", "the number 1 occurs twice"]);
         folder.cameras[1].params[0] += 1.0;
         folder.write(root.path(), &if text { folder.text() } else { folder.binary() });
-        let error = load(root.path()).expect_err("which of them").to_string();
+        let error = load(root.path()).expect_err("two different cameras of one number").to_string();
         assert!(error.contains("the number 1 occurs twice"), "{error}");
     }
 }
@@ -283,17 +283,10 @@ fn photographs_that_are_missing_or_none_are_left_out() {
     }
 }
 
-/// A picture of noise, of the size of those of the ring.
+/// A file of noise in the size of the ring's photographs.
 fn noise(format: ImageFormat) -> Vec<u8> {
-    let mut state = 1_u32;
-    let picture = RgbImage::from_fn(24, 16, |_, _| {
-        image::Rgb([0; 3].map(|_: u8| {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 24) as u8
-        }))
-    });
     let mut bytes = Cursor::new(Vec::new());
-    picture.write_to(&mut bytes, format).expect("a picture");
+    common::noise(1, 24, 16).write_to(&mut bytes, format).expect("a picture");
     bytes.into_inner()
 }
 
@@ -306,7 +299,7 @@ fn without_pixels() -> Vec<(&'static str, Vec<u8>)> {
     let mut flipped = noise(ImageFormat::Png);
     let middle = flipped.len() / 2;
     flipped[middle] ^= 0x55;
-    // The strip of pixels is said to lie beyond the end of the file: tag 273, a LONG, one of them.
+    // The offset of the strip of pixels lies beyond the end of the file: tag 273, a LONG, count 1.
     let mut beyond = noise(ImageFormat::Tiff);
     let strip = [0x11, 1, 4, 0, 1, 0, 0, 0];
     let at = beyond.windows(8).position(|bytes| bytes == strip).expect("a strip") + 8;
@@ -320,7 +313,7 @@ fn without_pixels() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// The dataset decoded for a training that keeps so many bytes of photographs.
+/// The dataset decoded for a training that keeps `keep` bytes of photographs.
 fn decoded(root: &Path, strict: bool, keep: u64) -> Result<psrgs_vk::train::Input, String> {
     let dataset = Dataset::load(root, &LoadOptions { strict, ..LoadOptions::default() }).expect("sound headers");
     assert_eq!((dataset.views.len(), left_out(&dataset).len()), (20, 0));
@@ -332,7 +325,7 @@ fn decoded(root: &Path, strict: bool, keep: u64) -> Result<psrgs_vk::train::Inpu
 #[test]
 fn photographs_whose_pixels_cannot_be_decoded_are_left_out() {
     for (what, bytes) in without_pixels() {
-        // Held out, trained on.
+        // A held-out photograph, then a training photograph.
         for (k, role) in [(8, Role::HeldOut), (5, Role::Train)] {
             println!("{what}, {role:?}");
             let root = ring().dataset(false);
@@ -350,7 +343,7 @@ fn photographs_whose_pixels_cannot_be_decoded_are_left_out() {
                 assert!(told.first == format!("'{name}'") && told.problem.contains("pixels at byte"), "{told}");
                 let [undecodable] = &input.optional.undecoded.photographs[..] else { panic!("one") };
                 assert_eq!((&undecodable.name, undecodable.role), (&name, role));
-                // Everything else is as it is with the photograph.
+                // Everything else equals the dataset with the photograph.
                 let mut dataset = load(root.path()).expect("loads");
                 let before = dataset.clone();
                 dataset.leave_out(&input.optional.undecoded);
@@ -366,7 +359,7 @@ fn photographs_whose_pixels_cannot_be_decoded_are_left_out() {
             }
             let error = decoded(root.path(), true, u64::MAX).expect_err("strict");
             assert!(error.contains(&name) && error.contains("pixels at byte"), "{error}");
-            // Counted among all: two are a tenth of twenty, though not of those held out.
+            // Counted among all photographs: two are a tenth of twenty, and more than a tenth of the held-out ones.
             fs::write(file(if k == 8 { 16 } else { 6 }), &bytes).expect("written");
             assert_eq!(decoded(root.path(), false, u64::MAX).expect("a tenth").optional.undecoded.photographs.len(), 2);
             fs::write(file(1), &bytes).expect("written");
@@ -395,7 +388,7 @@ fn a_photograph_whose_mask_cannot_be_decoded_is_left_out() {
     assert!(error.contains("05.png.png: pixels at byte"), "{error}");
 }
 
-/// The split counts photographs that are missing: the others stay what they are for.
+/// The split counts missing photographs: the others keep their roles.
 #[test]
 fn a_missing_photograph_changes_no_other_ones_role() {
     let root = ring().dataset(false);
@@ -468,7 +461,7 @@ fn frames_and_shots_that_cannot_be_used_are_left_out() {
         assert_eq!(dataset.views.len(), 19);
         assert!(strictly(root.path()).expect_err("strict").to_string().contains(words));
     }
-    // A camera that no shot has, and a point.
+    // A camera of no shot, and a point.
     let mut value = reconstruction(&folder);
     value[0]["cameras"]["another"] = serde_json::json!({"projection_type": "dual", "width": 24, "height": 16});
     write_json(&root.path().join("reconstruction.json"), &value);
@@ -478,7 +471,7 @@ fn frames_and_shots_that_cannot_be_used_are_left_out() {
     write_json(&root.path().join("reconstruction.json"), &value);
     let dataset = leaves_out(root.path(), "points", 1, 12, &["point 93", "null"]);
     assert_eq!(dataset.points.len(), 11);
-    // Two poses of a photograph.
+    // Two poses of one photograph.
     let text = serde_json::to_string(&reconstruction(&folder)).expect("JSON").replace("\"07.png\"", "\"06.png\"");
     fs::write(root.path().join("reconstruction.json"), text).expect("written");
     leaves_out(root.path(), "images", 1, 20, &["'06.png'", "two images are named '06.png'"]);
@@ -502,7 +495,7 @@ fn points_of_a_cloud_that_are_not_finite_are_left_out() {
     }
 }
 
-/// A model of splats whose opacities are the numbers of the splats.
+/// A model whose opacities are the indices of the splats.
 fn splats(n: usize) -> Gaussians {
     let mut splats = Gaussians::zeros(n);
     (0..n).for_each(|i| splats.opacities[i] = i as f32);

@@ -1,4 +1,4 @@
-//! The lists of a `transforms.json` that say what frames are for.
+//! The lists of frames by role in a `transforms.json`.
 
 use psrgs_vk::dataset::{Dataset, LoadOptions, Role, Split, Warning};
 use serde_json::json;
@@ -8,7 +8,7 @@ use crate::formats::{nerfstudio, transforms, write_json};
 
 const TEN: [&str; 10] = ["0.png", "1.png", "2.png", "3.png", "4.png", "5.png", "6.png", "7.png", "8.png", "9.png"];
 
-/// Trained on, held out, and what is told; names stand for their numbers.
+/// Training frames, held-out frames and warnings; frames by the digits of their names.
 fn split(lists: &[(&str, &[&str])], split: Split) -> (String, String, Vec<Warning>) {
     let folder = Folder::ring(&TEN, [0.0; 3]);
     let root = nerfstudio(&folder, false);
@@ -32,14 +32,14 @@ fn the_lists_of_transforms_json_are_the_split() {
     assert_eq!(split(all, Split::Test), told("012345", "89"));
     assert_eq!(split(all, Split::Val), told("012345", "67"));
     assert_eq!(split(all, Split::None), told("012345", ""));
-    // Converters list the same for both.
+    // Converters write equal lists for validation and test.
     let same: &[(&str, &[&str])] = &[("train_filenames", &train), ("val_filenames", &test), ("test_filenames", &test)];
     let (trained, held_out, warnings) = split(same, Split::Val);
     assert_eq!((trained.as_str(), held_out.as_str()), ("012345", "89"));
     assert!(matches!(warnings.as_slice(), [Warning::SplitLists { used: true, in_none: 2, .. }]), "{warnings:?}");
-    // Without a list of those to train on, the rest is.
+    // Without a list of training frames, the rest is trained on.
     assert_eq!(split(&[("test_filenames", &test)], Split::Test), told("01234567", "89"));
-    // Names differ as those of files may.
+    // Names may differ from those of frames as file names may.
     assert_eq!(split(&[("test_filenames", &["images/8.png", "IMAGES\\9.PNG"])], Split::Test), told("01234567", "89"));
     assert_eq!(split(&[("test_filenames", &[])], Split::Test), told("12345679", "08"));
 }
@@ -56,7 +56,7 @@ fn lists_that_do_not_fit_the_frames_are_told() {
         split(&[("train_filenames", &["1.png", "2.png", "3.png"]), ("test_filenames", &["3.png"])], Split::Test);
     assert_eq!((train.as_str(), held_out.as_str()), ("12", "3"));
     assert!(matches!(warnings.as_slice(), [Warning::SplitLists { in_both: 1, in_none: 7, .. }]), "{warnings:?}");
-    // Nothing would be left: as without lists.
+    // No frame would be left to train on: the lists are ignored.
     let (_, held_out, warnings) = split(&[("train_filenames", &["x.png"])], Split::Test);
     assert_eq!(held_out, "08");
     assert!(matches!(warnings.as_slice(), [Warning::SplitLists { used: false, .. }]), "{warnings:?}");

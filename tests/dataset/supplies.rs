@@ -1,4 +1,4 @@
-//! Photographs within a budget: the same pixels however they are kept, and no more kept than was allowed.
+//! Photographs within a memory budget: equal pixels in every form of storage, and no more bytes than the budget.
 
 use std::path::Path;
 
@@ -40,7 +40,7 @@ fn taken(dataset: &Dataset, keep: u64) -> (Vec<Supply>, u64) {
     let mut share = HostShare { keep, decoding: 1, threads: 3 };
     let supplies = dataset.take_in(Role::Train, &mut share).expect("decoded");
     let kept: u64 = supplies.iter().flatten().map(Supply::kept_bytes).sum();
-    assert_eq!(kept, keep - share.keep, "what is kept is taken off");
+    assert_eq!(kept, keep - share.keep, "kept bytes are not taken off the budget");
     (supplies.into_iter().flatten().collect(), kept)
 }
 
@@ -48,7 +48,7 @@ fn taken(dataset: &Dataset, keep: u64) -> (Vec<Supply>, u64) {
 fn pixels_are_the_same_however_they_are_kept() {
     let names = ["a.png", "b.png", "c.jpg", "d.png", "e.jpg", "f.png"];
     let root = folder(&names, 120, 80);
-    // As they are, and reduced: the files are kept in the one case, packed pixels in the other.
+    // At full size the files are kept; reduced, packed pixels.
     for side in [120, 60] {
         let dataset = load(root.path(), side);
         let (decoded, all) = taken(&dataset, 1 << 30);
@@ -72,7 +72,7 @@ fn pixels_are_the_same_however_they_are_kept() {
     }
 }
 
-/// To the same size and format: nothing but its sum shows it.
+/// A change that keeps size and format: only the checksum differs.
 #[test]
 fn a_changed_photograph_or_mask_is_told_when_it_is_read_again() {
     let root = folder(&["a.png", "b.png", "c.png", "d.png"], 24, 16);
@@ -117,7 +117,7 @@ fn of_several_damaged_photographs_the_first_is_told() {
 fn large_jpegs_decoded_at_reduced_scale_show_the_same_picture() {
     let root = folder(&["a.jpg", "b.png", "c.jpg"], 3200, 400);
     let file = |name: &str| root.path().join("images").join(name);
-    // The same pixels without and with the shortcut: PNG is always decoded whole.
+    // Equal pixels without the shortcut: PNG is always decoded whole.
     image::open(file("c.jpg")).expect("photograph").save(file("b.png")).expect("photograph");
     for (side, divisor) in [(1600, 1), (1000, 2), (400, 4), (200, 4)] {
         let dataset = load(root.path(), side);

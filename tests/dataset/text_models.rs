@@ -1,4 +1,4 @@
-//! Text as people have it: written by other programs, by editors of all systems, by hand.
+//! Text models as written by other programs, by editors of all systems, and by hand.
 
 use std::fs;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::colmap_folder::Folder;
 use crate::formats::{cloud, nerfstudio, opensfm, reconstruction, transforms, turned_ring, write_json};
 use crate::{load, without_photographs};
 
-/// Names as photographs have them, some of three words.
+/// Usual names of photographs, some of three words.
 const NAMES: [&str; 12] = [
     "my photo 01.png",
     "my photo 02.png",
@@ -61,7 +61,7 @@ fn poses_without_second_lines_are_all_read_whatever_their_names() {
         assert_eq!(found.views, whole.views, "{what}");
         assert!(found.warnings.is_empty(), "{what}: {:?}", found.warnings);
     }
-    // Some have them, and an empty line has come between.
+    // Some images have second lines, and an empty line is inserted.
     let root = folder.dataset(true);
     rewrite(root.path(), "images.txt", |text| {
         text.replacen("03.png\n", "03.png\n\n", 1).replacen("1.5 2.25 -1\n", "", 1)
@@ -72,7 +72,7 @@ fn poses_without_second_lines_are_all_read_whatever_their_names() {
 #[test]
 fn a_line_that_could_be_a_pose_or_keypoints_is_refused() {
     let mut folder = Folder::ring(&["a.png", "12 34 56", "c.png"], [0.0; 3]);
-    // Whole numbers all over: as keypoints have them, too.
+    // All numbers are whole, as they may be in keypoints.
     folder.images[1].translation = [1.0, 2.0, 10.0];
     folder.images.iter_mut().for_each(|image| image.keypoints.clear());
     let root = tempfile::tempdir().expect("a folder");
@@ -83,7 +83,7 @@ fn a_line_that_could_be_a_pose_or_keypoints_is_refused() {
     assert!(error.contains("images.txt") && error.contains("line 4") && error.contains("could be the pose"), "{error}");
 }
 
-/// A text file in ways that mean the same.
+/// Equivalent spellings of a text file.
 fn spellings(text: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
     let text = std::str::from_utf8(text).expect("text");
     let utf16 = |mark: &[u8], unit: fn(u16) -> [u8; 2]| {
@@ -104,7 +104,7 @@ fn spellings(text: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// And in ways that mean the same where lines hold words and `#` begins a comment.
+/// Further equivalent spellings where `#` begins a comment.
 fn spellings_of_lines(text: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
     let text = std::str::from_utf8(text).expect("text");
     let mut all = spellings(text.as_bytes());
@@ -132,7 +132,7 @@ fn text_models_mean_the_same_in_every_spelling() {
         }
         fs::write(&file, &bytes).expect("put back");
         if name != "images.txt" {
-            // Names of images may hold the sign.
+            // Names of images may contain `#`.
             let text = String::from_utf8(bytes.clone()).expect("text");
             let noted = text
                 .lines()
@@ -168,7 +168,7 @@ fn clouds_and_models_as_text_mean_the_same_in_every_spelling() {
     let text = cloud(&turned_ring([0.0; 3]), true);
     fs::write(&file, &text).expect("written");
     let whole = ply::Cloud::read(&file).expect("a cloud");
-    // A header is 8-bit text, and begins with its word.
+    // A PLY header is 8-bit text and begins with `ply`.
     let fits = |what: &str| !what.starts_with("UTF-16") && what != "empty lines at the beginning";
     for (what, bytes) in spellings(&text).into_iter().filter(|(what, _)| fits(what)) {
         fs::write(&file, bytes).expect("written");
@@ -217,7 +217,7 @@ fn a_comment_that_counts_wrong_is_a_warning() {
             let file = root.path().join("sparse/0").join(name);
             assert_eq!(dataset.warnings, [Warning::CountDiffers { file: file.clone(), what, announced, found }]);
             assert_eq!((dataset.views, dataset.points), (whole.views.clone(), whole.points.clone()));
-            // A file that ends within a line as well was cut, unless hardly anything is missing.
+            // A file that also ends within a line was cut, unless almost nothing is missing.
             let text = fs::read_to_string(&file).expect("text");
             fs::write(&file, text.trim_end()).expect("written");
             assert_eq!(poses(root.path()).is_ok(), announced < found, "{name} announces {announced}");
@@ -363,7 +363,7 @@ fn uniformly_scaled_rotations_are_read_and_others_are_named() {
     write_json(&file, &value);
     let error = load(root.path()).expect_err("transposed").to_string();
     assert!(error.contains("may be transposed"), "{error}");
-    // OpenSfM writes a vector; a matrix in its place may have a scale as well.
+    // OpenSfM writes a vector; a matrix in its place may also have a scale.
     let root = opensfm(&folder, "reconstruction.json");
     let whole = load(root.path()).expect("loads");
     let mut value = reconstruction(&folder);

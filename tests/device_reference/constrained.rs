@@ -1,5 +1,5 @@
-//! The gradient-map loss of the constrained set beside the full one: the gradients that the device adds to the model's
-//! against the f64 renderer, loss and backward, and these against differences of the loss.
+//! The gradient-map loss of the constrained set beside the full set. The gradients that the device adds to those of the
+//! model are compared with f64 renderer, loss and backward pass, and the f64 gradients with differences of the loss.
 
 use psrgs_vk::loss::{GradientMapLoss, GradientMapWeights, Photograph};
 use psrgs_vk::pass::constrain::{ADD, KEEP};
@@ -59,7 +59,7 @@ fn scene(case: &Case, target: &[u32], image: &Image) -> Scene<'static, f64> {
     }
 }
 
-/// Its gradient by the constrained splats.
+/// Gradient of the loss with respect to the constrained splats.
 fn wanted(case: &Case, splats: &[Splat<f64>], target: &[u32]) -> [Vec<f64>; 8] {
     let image = reference::render(splats, &case.shot.camera, &case.settings);
     let scene = scene(case, target, &image);
@@ -76,7 +76,7 @@ fn wanted(case: &Case, splats: &[Splat<f64>], target: &[u32]) -> [Vec<f64>; 8] {
     reference::backward(splats, &case.shot.camera, &case.settings, &upstream).planes()
 }
 
-/// The passes of a training step that has both sets, the full one having no loss of its own here.
+/// The passes of a training step with both sets; the full set has no loss here.
 fn on_device(gpu: &Gpu, tile: TileShape, case: &Case, target: &[u32]) -> [Vec<f32>; 8] {
     let variants = Variants::new(tile, GradientSum::Slots);
     let n = case.model.len() as u32;
@@ -147,7 +147,7 @@ fn gradients_of_constrained_splats_agree_with_brute_force() {
     let target = photograph(&image, case.shot.camera.width);
     let want = wanted(&case, &alone, &target);
 
-    // Differences of the loss through render and maps, for parameters of splats that matter.
+    // Differences of the loss through render and maps, for parameters of splats with large gradients.
     let value = |splats: &[Splat<f64>]| {
         let image = reference::render(splats, &case.shot.camera, &case.settings);
         scene(&case, &target, &image).value()[0]
@@ -168,11 +168,11 @@ fn gradients_of_constrained_splats_agree_with_brute_force() {
             let slope = (moved(h) - moved(-h)) / (2.0 * h);
             let close = (slope - want[plane][k]).abs() <= 1e-3 * want[plane][k].abs();
             assert!(want[plane][k] != 0.0, "{}: no gradient", NAMES[plane]);
-            // A pixel that crosses a decision between the two has another slope; few do.
+            // A pixel that crosses a decision between both evaluations has another slope; few pixels do.
             checked += usize::from(close);
         }
     }
-    assert!(checked >= 14, "only {checked} of 16 derivatives are those of the loss");
+    assert!(checked >= 14, "only {checked} of 16 derivatives agree with the loss");
 
     for tile in [TileShape::Column, TileShape::Pixel] {
         let got = on_device(&gpu, tile, &case, &target);

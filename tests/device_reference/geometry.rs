@@ -1,5 +1,5 @@
-//! The geometry loss from the splats on: image, loss and backward of the device against the f64 renderer, loss and
-//! backward, each of which is checked against differences by itself.
+//! The geometry loss from splats to gradients: image, loss and backward pass of the device against their f64
+//! counterparts, each of which has its own test against finite differences.
 
 use psrgs_vk::loss::{Edges, GeometryLoss, GeometryWeights, Photograph, Prior, Rendered, TextureMask};
 use psrgs_vk::pass::geometry::{Push, pack_prior};
@@ -60,7 +60,7 @@ fn weights(smooth: f32) -> GeometryWeights {
     GeometryWeights { depth: 1.0, huber: 0.05, edges: Edges::More(1.0), smooth, edge_stop: 3.0, cosine: 0.5, l1: 0.2 }
 }
 
-/// What f64 makes of it: the three terms and the gradients of the splats.
+/// In f64: the three terms with their sum, the gradients of the splats, and the number of compared pixels.
 fn wanted(case: &Case, known: &Known, weights: &GeometryWeights) -> ([f64; 4], [Vec<f64>; 8], usize) {
     let camera = &case.shot.camera;
     let Edges::More(edge) = weights.edges else { unreachable!() };
@@ -108,7 +108,7 @@ fn wanted(case: &Case, known: &Known, weights: &GeometryWeights) -> ([f64; 4], [
     (terms, gradients.planes(), totals[1] as usize)
 }
 
-/// The same on the device.
+/// Terms and gradients on the device.
 fn on_device(
     gpu: &Gpu,
     variants: Variants,
@@ -165,7 +165,7 @@ fn on_device(
 #[test]
 fn gradients_of_the_geometry_loss_agree_with_brute_force() {
     let Some(gpu) = common::gpu() else { return };
-    // So many that most pixels have a depth, and small enough that it varies.
+    // Enough splats that most pixels have a depth, small enough that the depth varies.
     let mut case = case((61, 45), 1, false, 900, 411);
     case.model.scales.iter_mut().for_each(|s| *s -= 0.4);
     case.model.opacities.iter_mut().for_each(|o| *o = o.abs() + 0.3);
@@ -174,9 +174,9 @@ fn gradients_of_the_geometry_loss_agree_with_brute_force() {
     let opaque = case.image.transmittance.iter().position(|t| *t < 0.05).expect("something is opaque");
     let depth = case.image.depth[opaque] / (1.0 - case.image.transmittance[opaque]);
     let known = known(&case, depth);
-    // A pixel's gradient of smoothness is a difference of differences of depths, some of which are nothing but the
-    // rounding of depths: a splat that is seen in such pixels alone has no digits to judge,
-    // so with it rows are judged by their plane's largest.
+    // A pixel's gradient of smoothness is a second difference of depths, which may be pure rounding. A splat that is
+    // seen only in pixels with such differences has no exact digits. So with smoothness, rows are judged against the
+    // largest of their plane.
     for (smooth, each_row) in [(0.0, true), (100.0, false)] {
         let weights = weights(smooth);
         let (terms, want, compared) = wanted(&case, &known, &weights);
@@ -194,7 +194,7 @@ fn gradients_of_the_geometry_loss_agree_with_brute_force() {
                     ROW.check(&name, ROWS[p], &got[p], &want[p]);
                 }
             }
-            assert!(got[4..].iter().flatten().all(|v| *v == 0.0), "the colours have no part");
+            assert!(got[4..].iter().flatten().all(|v| *v == 0.0), "colours have a gradient");
         }
     }
     gpu.check_canaries().unwrap();

@@ -1,5 +1,5 @@
-//! Whole images and whole gradients of the device against the brute-force f64 renderer,
-//! which shares no arithmetic with it.
+//! Whole images and gradients of the device against the brute-force f64 renderer, which shares no arithmetic with the
+//! device.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -22,12 +22,12 @@ use psrgs_vk::vk::{Gpu, Memory};
 const SHAPES: [TileShape; 2] = [TileShape::Column, TileShape::Pixel];
 /// Pixels nearer than this to a decision are left out: 16 roundings to f32, in units of the decision's condition.
 const BAND: f64 = 16.0 / (1u64 << 24) as f64;
-/// Most of the image that may be left out.
+/// Largest share of the image that may be left out.
 const MOST_LEFT_OUT: f64 = 0.005;
 /// Largest error of colour, transmittance, normal sum, and depth sum in units of the farthest depth.
 const IMAGE_ERROR: f64 = 2e-5;
 
-/// A model with what the f64 renderer makes of it.
+/// A model and its image by the f64 renderer.
 struct Case {
     name: String,
     model: Gaussians,
@@ -55,7 +55,7 @@ fn case(size: (u32, u32), sh_degree: u32, antialias: bool, splats: usize, seed: 
     for i in 0..splats {
         let splat = loop {
             let mut splat = spread(&mut random, &camera, 1.3);
-            // Some centres stand twice: which of the two is in front is then decided by the identities.
+            // Some centres occur twice: identities then decide which splat is in front.
             if let Some(mean) = before.filter(|_| i % 10 == 9) {
                 splat.mean = mean;
             }
@@ -146,7 +146,7 @@ fn images_agree_with_the_brute_force_renderer() {
     common::assert_no_messages(&gpu);
 }
 
-/// Every splat lies over the whole image: more pairs than a viewer has room for at first.
+/// Every splat covers the whole image: more pairs than a viewer has room for at first.
 #[test]
 fn pictures_are_whole_when_the_pairs_had_to_grow() {
     let Some(gpu) = common::gpu() else { return };
@@ -169,16 +169,16 @@ fn pictures_are_whole_when_the_pairs_had_to_grow() {
     }
 }
 
-/// How a device comes to gradients of the planes.
+/// How the device computes gradients of the planes.
 #[derive(Clone, Copy, PartialEq)]
 enum Way {
-    /// By the passes that write them.
+    /// By the passes that write gradients.
     Written,
-    /// From the first moments that a fused step leaves of nothing: a tenth of the gradients.
+    /// From the first moments after a fused step from zero moments: a tenth of the gradients.
     Fused,
 }
 
-/// Gradients of the planes; `grad_aux` of the auxiliary channels, where those take part.
+/// Gradients of the planes, for upstream gradients of colour and, with `grad_aux`, of the auxiliary channels.
 fn device_gradients(
     gpu: &Gpu,
     (variants, way): (Variants, Way),
@@ -250,10 +250,10 @@ fn device_gradients(
     if way == Way::Written { planes } else { planes.map(|plane| plane.iter().map(|m| 10.0 * m).collect()) }
 }
 
-/// An element below this share of its plane's largest is judged as if it were that large: behind many splats what is
-/// left of a gradient is a small difference of large numbers, with the rounding of those.
+/// An element below this share of its plane's largest is judged against that share. Behind many splats a gradient is a
+/// small difference of large numbers and has their rounding.
 const FLOOR: f64 = 1e-3;
-/// For every row by itself: none is zero or wrong by a factor.
+/// Bounds for each row by itself: no row is zero or wrong by a factor.
 const ROW: Guards = Guards { element: 2e-2, ..Guards::of(1e-3) };
 const ROWS: [usize; 8] = [3, 4, 3, 1, 12, 12, 12, 12];
 const NAMES: [&str; 8] = ["means", "quats", "scales", "opacities", "sh0", "sh1", "sh2", "sh3"];
@@ -288,8 +288,7 @@ fn gradients_agree_with_the_brute_force_renderer() {
     common::assert_no_messages(&gpu);
 }
 
-/// With gradients of depth and normals too, by every variant of the blend backward,
-/// and by the step that consumes them at once.
+/// Also with gradients of depth and normals, by every variant of the backward blending, and by the fused step.
 #[test]
 fn gradients_of_depth_and_normals_agree_with_brute_force() {
     let Some(gpu) = common::gpu() else { return };

@@ -1,5 +1,5 @@
-//! Cheaper pictures are what they are said to be: those of the brute-force renderer with the same cut-off of alphas,
-//! and near it by what half floats lose.
+//! Cheaper renders: a cut-off of alphas equals the brute-force renderer with the same cut-off, and half floats differ
+//! by their rounding alone.
 
 use half::f16;
 use psrgs_vk::pass::alpha_min::alpha_min;
@@ -37,7 +37,7 @@ fn cut_offs_are_those_of_the_brute_force_renderer() {
                 case.check("transmittance", tile, 1.0, |i| case.image.transmittance[i], |i| rgbt[4 * i + 3]);
             }
         }
-        println!("1/{cutoff}: colours differ by up to {differs:.1e} from those without");
+        println!("1/{cutoff}: colours differ by up to {differs:.1e} from the exact ones");
         assert!(differs > 1e-3, "1/{cutoff} changes no more than {differs:e}");
     }
     common::assert_no_messages(&gpu);

@@ -1,5 +1,5 @@
-//! A step on windows of several views: each window rendered by a camera of its own and its gradient added to those of
-//! the views before, against whole images of the same views with the distance taken in the window.
+//! A step on windows of several views. Each window is rendered by a camera of its own, and its gradient is added to the
+//! gradients of the views before. Compared with whole images of the views and the distance in the window.
 
 use psrgs_vk::pass::camera::{NEAR, Projection};
 use psrgs_vk::pass::counters;
@@ -17,8 +17,7 @@ const SIDE: u32 = 32;
 const AT: [(u32, u32); 3] = [(17, 13), (20, 9), (25, 20)];
 const WEIGHT: f32 = 3.0;
 
-/// Opaque splats all over the ground, so that windows have some far outside of them,
-/// and large ones reach in from there.
+/// Opaque splats all over the ground: some lie far outside the windows, and large ones reach in.
 fn model() -> Gaussians {
     let mut model = plane_scene::splats(900);
     let mut random = seeded(3);
@@ -98,7 +97,7 @@ fn gradients_of_windows_are_those_of_whole_images() {
         let (whole, _) = gradients(&gpu, tile, &views, false);
         let (windows, shown) = gradients(&gpu, tile, &views, true);
         assert!(shown > 200, "{shown} pixels of the last window show something");
-        // The coefficients of degree 1 lie in the first plane of harmonics too; above it there is no gradient.
+        // Coefficients of degree 1 lie in the first plane of harmonics; the planes above have no gradient.
         for p in 0..5 {
             let largest = whole[p].iter().fold(0.0f32, |m, v| m.max(v.abs()));
             assert!(largest > 0.0, "{tile:?}: {} have no gradient", NAMES[p]);
@@ -108,7 +107,7 @@ fn gradients_of_windows_are_those_of_whole_images() {
             }
         }
     }
-    // The views are told apart: one alone has other gradients.
+    // The test can fail: a single view has other gradients.
     let one = Views { seen: views.seen[..1].to_vec(), model: views.model.clone() };
     let (alone, _) = gradients(&gpu, TileShape::Column, &one, true);
     let (all, _) = gradients(&gpu, TileShape::Column, &views, true);

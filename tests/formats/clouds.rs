@@ -1,4 +1,4 @@
-//! Point clouds in PLY files, and telling them from models.
+//! Point clouds in PLY files, and the distinction from models.
 
 use std::fs;
 
@@ -23,8 +23,7 @@ fn clouds_come_back_bit_for_bit() {
     assert!(wrong.write(&file).expect_err("does not fit").to_string().contains("1 normals"));
 }
 
-/// LAS keeps integers: in steps of a millimetre from an offset near the site,
-/// or of a centimetre from the grid's origin.
+/// LAS stores integers: steps of a millimetre from an offset near the site, or of a centimetre from the grid's origin.
 #[test]
 fn scans_in_a_national_grid_keep_their_coordinates() {
     use las::{Builder, Point, Transform, Vector, Writer};
@@ -50,7 +49,7 @@ fn scans_in_a_national_grid_keep_their_coordinates() {
     }
 }
 
-/// As other programs write them: text, any order, no colours, an offset in a comment.
+/// Clouds of other programs: text, any order, no colours, an offset in a comment.
 #[test]
 fn foreign_clouds_are_read() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -69,7 +68,7 @@ fn foreign_clouds_are_read() {
     assert!(error.contains("the property 'z' is missing"), "{error}");
 }
 
-/// A file with anything of splats is a model, whole or not.
+/// A file with any property of splats is a model, even an incomplete one.
 #[test]
 fn models_are_told_from_clouds() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -87,7 +86,7 @@ fn models_are_told_from_clouds() {
     assert!(error.contains("'f_dc_0' is missing"), "{error}");
 }
 
-/// Text of a cloud with these properties, by type and name, of each point.
+/// Text of a cloud whose points have the given properties (type and name).
 fn with_properties(properties: &[(&str, &str)], rows: &[&str]) -> String {
     let names: String = properties.iter().map(|(kind, name)| format!("property {kind} {name}\n")).collect();
     let rows: String = rows.iter().map(|row| format!("1 2 3 {row}\n")).collect();

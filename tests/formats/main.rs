@@ -1,4 +1,4 @@
-//! Files out and back: models, frames, checkpoints, pictures.
+//! Files written and read again: models, frames, checkpoints, pictures.
 
 mod checkpoints;
 mod clouds;
@@ -10,19 +10,16 @@ mod similarities;
 use std::fs;
 
 use psrgs_vk::format::{FrameFile, ply};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::{Coordinates, Frame, Gaussians, Geodetic};
 
-/// Splats whose every value is different and whose bits are not all those of round numbers.
+/// Splats with random values, some special values among them.
 pub(crate) fn splats(n: usize) -> Gaussians {
     let mut g = Gaussians::zeros(n);
-    let mut state = 7_u32;
-    let mut next = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 8) as f32 / 8_388_608.0 - 1.0
-    };
+    let mut random = Random::new(7);
     let [a, b, c, d] = &mut g.sh;
     for plane in [&mut g.means, &mut g.quats, &mut g.scales, &mut g.opacities, a, b, c, d] {
-        plane.iter_mut().for_each(|v| *v = next() * 3.0);
+        plane.iter_mut().for_each(|v| *v = random.range(-3.0, 3.0) as f32);
     }
     if n > 1 {
         g.means[1] = -0.0;

@@ -1,4 +1,4 @@
-//! Triangle meshes in PLY files, ours and others'.
+//! Triangle meshes in PLY files, of this program and of others.
 
 use std::fs;
 use std::path::PathBuf;
@@ -25,7 +25,7 @@ fn meshes_come_back_bit_for_bit() {
     assert_eq!(Mesh::read(&file).expect("read"), Mesh::default());
 }
 
-/// As other programs write them: text, polygons, further properties before and after, elements in between.
+/// Meshes of other programs: text, polygons, further properties before and after, elements in between.
 #[test]
 fn foreign_meshes_are_read() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -48,7 +48,7 @@ fn foreign_meshes_are_read() {
     big.extend(7i16.to_be_bytes());
     let mesh = Mesh::read(&file(&folder, &big)).expect("read");
     assert_eq!((mesh.vertices[2], mesh.triangles.as_slice()), ([0.0, 1.0, 0.5], &[[0, 1, 2]][..]));
-    // Cut anywhere, it is an error and no panic.
+    // A file that is cut at any byte is an error and no panic.
     for end in 0..big.len() {
         assert!(Mesh::read(&file(&folder, &big[..end])).is_err(), "cut at {end}");
     }

@@ -1,4 +1,4 @@
-//! PLY.
+//! Models in PLY files.
 
 use std::fs;
 use std::io::Write as _;
@@ -41,7 +41,7 @@ fn quaternions_of_any_length_are_written_with_unit_length() {
     assert_eq!(ply::read(&file).expect("read").gaussians.quats, want.concat());
 }
 
-/// The lines that other programs write and read.
+/// The comment lines of other programs.
 #[test]
 fn comments_on_antialiasing_agree_with_those_of_other_programs() {
     let folder = tempfile::tempdir().expect("temporary folder");
@@ -81,7 +81,7 @@ fn the_first_splats_are_told_to_be_the_constrained_set() {
     assert!(error.contains("constrained 6") && error.contains("point_cloud.ply"), "{error}");
 }
 
-/// INRIA's layout, as its own files begin, read by a reader that is not ours.
+/// The layout of INRIA's own files, checked by an independent reader.
 #[test]
 fn ply_has_the_layout_of_inria_for_an_independent_reader() {
     let folder = tempfile::tempdir().expect("temporary folder");
@@ -132,7 +132,7 @@ fn ply_of_a_geo_referenced_scene_keeps_its_coordinates() {
     let back = model.in_scene(&frame);
     for (i, (got, want)) in back.means.iter().zip(&g.means).enumerate() {
         assert!((got - want).abs() < 5.0 * 1e-6, "{got} {want}");
-        // In the dataset's own units, added up in f64 by whoever reads the file.
+        // In the dataset's units: the reader adds the offset in f64.
         let dataset = f64::from(model.gaussians.means[i]) + model.shift[i % 3];
         let truth = f64::from(*want) / frame.scale + frame.offset[i % 3];
         assert!((dataset - truth).abs() < 40.0 * 1e-6, "{dataset} {truth}");
@@ -143,7 +143,7 @@ fn ply_of_a_geo_referenced_scene_keeps_its_coordinates() {
     assert!((model.gaussians.scales[0] - (g.scales[0] + 8_f32.ln())).abs() < 1e-5, "scales are in the dataset's units");
     assert_eq!((&back.sh, &back.quats, &back.opacities), (&g.sh, &g.quats, &g.opacities));
 
-    // Whoever keeps the model in a near frame finds no offset.
+    // A model in a near frame has no offset.
     let near = Frame { offset: [70.0, -80.0, 9.0], scale: 5.0 };
     ply::save(&file, &g, &near, false).expect("written");
     assert_eq!(ply::read(&file).expect("read").shift, [0.0; 3]);

@@ -1,4 +1,4 @@
-//! Similarities between a dataset's coordinates and another trainer's, and what they do to splats.
+//! Similarities between the coordinates of a dataset and of another trainer, and their effect on splats.
 
 use std::fs;
 
@@ -160,7 +160,7 @@ fn similarities_compose_and_are_undone() {
     assert!((half_turn.degrees() - 180.0).abs() < 1e-9);
 }
 
-/// A model far from the origin in its dataset, moved to a frame of its own and back, is where it was.
+/// A model far from the origin of its dataset, moved to a frame of its own and back, keeps its place.
 #[test]
 fn a_model_in_a_frame_of_its_own_comes_back_into_the_scene() {
     let frame = Frame { offset: [500_123.5, 4_600_987.25, 100.0], scale: 0.125 };
@@ -194,7 +194,7 @@ fn transforms_of_other_trainers_are_read_and_bad_ones_refused() {
     for text in [
         "[[0,-2,0,1],[2,0,0,2],[0,0,2,3],[0,0,0,1]]",
         "[[0,-2,0,1],[2,0,0,2],[0,0,2,3]]",
-        // The scale comes after the matrix and scales its translation too.
+        // The scale applies after the matrix, also to the translation.
         r#"{"transform": [[0,-1,0,0.5],[1,0,0,1],[0,0,1,1.5]], "scale": 2}"#,
         r#"{"scale": 0.5, "transform": [[0,-4,0,2],[4,0,0,4],[0,0,4,6],[0,0,0,1]], "other": "ignored"}"#,
     ] {

@@ -9,7 +9,7 @@ use super::device::{
     MEANS, OPACITIES, SCALES, SH0, Scene, assert_finite, check, check_sums, decided, relative, round, upstream, worst,
 };
 
-/// 50 splats of opacity 0.9999 at one pixel: 1 / (1 - alpha) is 100 at the clamp, and most of them are never reached.
+/// 50 splats of opacity 0.9999 at one pixel: 1 / (1 - alpha) is 100 at the clamp, and most splats are never reached.
 #[test]
 fn saturated_alpha_stacks() {
     let Some(gpu) = common::gpu() else { return };
@@ -19,7 +19,7 @@ fn saturated_alpha_stacks() {
         (0..50).map(|i| round(&mut random, &camera, [6.3, 4.8], 2.0 + 0.01 * f64::from(i), 2.5, 0.9999)).collect();
     let scene = Scene::new(&splats, camera, false);
     let image = scene.wanted();
-    // Where alpha is 0.99 twice, the transmittance is the threshold itself.
+    // Two alphas of 0.99 give exactly the transmittance of the threshold.
     let decided = decided("stack", &image, 0.05);
     let g = upstream(&mut random, &decided);
     let want = scene.wanted_gradients(&g).planes();
@@ -39,15 +39,15 @@ fn saturated_alpha_stacks() {
     common::assert_no_messages(&gpu);
 }
 
-/// Alpha is held at 0.99: opacity, place and shape have no part in it, so their gradients are exactly zero. The 3DGS
-/// reference lets the gradient through; training follows it there, and a caller chooses.
+/// Alpha is clamped at 0.99 and does not depend on opacity, mean and shape, so their gradients are exactly zero. The
+/// 3DGS reference passes the gradient through. Training does likewise, and other callers choose.
 #[test]
 fn clamp_gradients() {
     let Some(gpu) = common::gpu() else { return };
     let camera = camera(5, 5);
     let mut splat = round(&mut seeded(2), &camera, [2.9, 2.3], 2.0, 8.0, 0.9999);
     splat.log_scale[1] += 0.3;
-    // Without view-dependent colours the place has no gradient through the direction of sight.
+    // Without view-dependent colours, the mean has no gradient through the viewing direction.
     splat.sh[1..].fill([0.0; 3]);
     let mut g = vec![0.0f32; 100];
     g[48..52].copy_from_slice(&[1.0, -0.5, 0.25, 0.5]);
@@ -55,7 +55,7 @@ fn clamp_gradients() {
     fainter.logit -= 0.1;
     let fainter = Scene::new(&[fainter], camera, false).wanted().colour[12];
     let mut scene = Scene::new(&[splat], camera, false);
-    assert_eq!(scene.wanted().colour[12], fainter, "a little less opaque, it is the same colour");
+    assert_eq!(scene.wanted().colour[12], fainter, "the colour depends on a clamped opacity");
     for passes in [false, true] {
         scene.clamp_gradient_passes = passes;
         for variants in Variants::possible(&gpu) {
@@ -69,14 +69,14 @@ fn clamp_gradients() {
     }
 }
 
-/// By how much of its contributions a gradient behind 2,000 layers may be off where quotients are not correctly
-/// rounded, in f32. Each layer rounds 1 - alpha and a product on the way there, half an ulp each, and on the way back a
-/// quotient, which Vulkan promises within 2.5 ulp, and what lies behind, half an ulp and less of the product added to
-/// it. The error of exp2, 3.3 ulp of an alpha of 1/255, is a hundredth of an ulp of 1 - alpha.
+/// Bound of a gradient's f32 error behind 2,000 layers, relative to its contributions, where quotients are not
+/// correctly rounded. Per layer, the forward pass rounds 1 - alpha and a product, half an ulp each. The backward pass
+/// rounds a quotient, within 2.5 ulp by Vulkan, and the colour behind: half an ulp of the sum, less of the product.
+/// The error of exp2, 3.3 ulp of an alpha of 1/255, is a hundredth of an ulp of 1 - alpha.
 const FOG: f64 = 2000.0 * (0.5 + 0.5 + 2.5 + 1.0) * f32::EPSILON as f64;
 
-/// 2,000 layers, each a little above 1/255: the transmittance is a product of as many factors forward,
-/// and is divided by them backward.
+/// 2,000 layers with alphas a little above 1/255: the forward pass multiplies the transmittance by 2,000 factors, and
+/// the backward pass divides by each.
 #[test]
 fn fog_of_2000_layers() {
     let Some(gpu) = common::gpu() else { return };
@@ -112,8 +112,8 @@ fn fog_of_2000_layers() {
     }
 }
 
-/// The forward pass ends a pixel before the splat that would cross 1e-4; the backward pass ends it there too, pixel by
-/// pixel and splat by splat.
+/// The forward pass ends a pixel before the splat that would cross a transmittance of 1e-4. The backward pass ends
+/// every pixel at the same splat.
 #[test]
 fn early_stop_forward_and_backward() {
     let Some(gpu) = common::gpu() else { return };

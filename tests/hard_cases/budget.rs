@@ -1,4 +1,4 @@
-//! Where the error of a picture comes from: one stage at a time in f32 and all others in double precision.
+//! Sources of a render's error: one stage at a time in f32 and all others in double precision.
 
 use psrgs_vk::pass::camera::CameraPush;
 use psrgs_vk::raster::Variants;
@@ -11,7 +11,7 @@ use super::common::splats::{camera, seeded, spread};
 use super::device::{Scene, decided, worst};
 use super::projection::needles;
 
-/// What is computed in f32.
+/// The stage that is computed in f32.
 #[derive(Clone, Copy, PartialEq)]
 enum Stage {
     /// Projected centres.
@@ -20,11 +20,11 @@ enum Stage {
     Conics,
     /// Opacities and colours.
     Colours,
-    /// Nothing: the rows are stored in f32.
+    /// No arithmetic; rows are stored in f32.
     Storage,
     /// The two squares, from rows in f32.
     Squares,
-    /// The exponent in its plain form, from rows in f32: what the squares are there for.
+    /// The exponent in its plain form, from rows in f32, for comparison with the squares.
     PlainForm,
     /// 2^x.
     Exponential,
@@ -47,7 +47,7 @@ pub(crate) fn single(v: f64) -> f64 {
     f64::from(v as f32)
 }
 
-/// The exponent (base e) of a row in the arithmetic of `R`, as blending has it or in the plain variant.
+/// The exponent (base e) of a row in the arithmetic of `R`, in the form of blending or in the plain form.
 pub(crate) fn exponent<R: Real>(row: &[f64; 12], d: [f64; 2], plain: bool) -> f64 {
     let [a, b, c, rest] = [row[2], row[3], row[4], row[7]].map(R::of);
     let [dx, dy] = d.map(R::of);
@@ -63,7 +63,8 @@ pub(crate) fn exponent<R: Real>(row: &[f64; 12], d: [f64; 2], plain: bool) -> f6
     power.f64()
 }
 
-/// Rows of what is seen, front to back, each with its splat. Columns `taken` are projected in f32, the others in f64.
+/// Rows of the visible splats, front to back, each with its splat. Columns `taken` are projected in f32, all others in
+/// f64.
 pub(crate) fn rows(scene: &Scene, taken: &[usize]) -> Vec<(usize, [f64; 12])> {
     let exact = View::<f64>::exact(&scene.shot.camera, &scene.shot.projection);
     let rounded = View::<f32>::of(&CameraPush::new(&scene.shot.camera, &scene.shot.projection));
@@ -136,7 +137,8 @@ pub(crate) fn scenes() -> Vec<(String, f64, Scene)> {
     scenes
 }
 
-/// The parts together are what the device is off by: no stage is forgotten. Prints the table of `docs/ACCURACY.md`.
+/// The errors of the stages add up to the device's error, so no stage is missing. Prints the table of
+/// `docs/ACCURACY.md`.
 #[test]
 fn error_of_a_picture_by_stage() {
     let Some(gpu) = common::gpu() else { return };

@@ -1,4 +1,4 @@
-//! A model as one camera sees it: on the device, and in f64 by the brute-force renderer.
+//! A model seen by one camera: on the device, and in f64 by the brute-force renderer.
 
 use psrgs_vk::pass::camera::{NEAR, Projection};
 use psrgs_vk::pass::counters;
@@ -22,7 +22,7 @@ pub(crate) const SCALES: usize = 2;
 pub(crate) const OPACITIES: usize = 3;
 pub(crate) const SH0: usize = 4;
 
-/// A model, a camera, and both in f64 with the values that the device gets.
+/// A model and a camera, as the device gets them, and both in f64.
 pub(crate) struct Scene {
     pub(crate) model: Gaussians,
     pub(crate) shot: RenderView,
@@ -31,7 +31,7 @@ pub(crate) struct Scene {
     pub(crate) clamp_gradient_passes: bool,
 }
 
-/// What a device makes of a forward and a backward pass.
+/// Results of a forward and a backward pass on the device.
 pub(crate) struct Backward {
     /// Gradients of the planes.
     pub(crate) planes: [Vec<f32>; 8],
@@ -125,8 +125,8 @@ impl Scene {
         reference::backward(&self.splats, &self.shot.camera, &self.settings, &g)
     }
 
-    /// The sums over pixels of what the gradients in f64 are sums of, without signs: what the errors of a sum that
-    /// cancels are small against.
+    /// The sums over pixels of the absolute contributions to the f64 gradients. Errors of sums that cancel are small
+    /// against them.
     pub(crate) fn contributions(&self, upstream: &[f32]) -> [Vec<f64>; 8] {
         let mut sums = ROWS.map(|row| vec![0.0; row * self.splats.len()]);
         for pixel in 0..self.pixels() {
@@ -183,7 +183,7 @@ impl Scene {
     }
 }
 
-/// Which pixels are away from every decision; a share of at most `most_left_out` is not.
+/// Which pixels are away from every decision. Panics where a share of more than `most_left_out` is not.
 pub(crate) fn decided(what: &str, image: &Image, most_left_out: f64) -> Vec<bool> {
     let decided: Vec<bool> = image.margin.iter().map(|m| *m > BAND).collect();
     let left_out = decided.iter().filter(|d| !**d).count();
@@ -246,7 +246,7 @@ pub(crate) fn check_sums(
     }
 }
 
-/// Fails on any number that is none.
+/// Panics where a number is not finite.
 pub(crate) fn assert_finite(what: &str, planes: &[Vec<f32>; 8]) {
     for (plane, name) in planes.iter().zip(NAMES) {
         let bad = plane.iter().position(|v| !v.is_finite());

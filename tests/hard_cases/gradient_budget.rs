@@ -1,4 +1,4 @@
-//! Where the error of gradients comes from: one stage at a time in f32 and all others in double precision.
+//! Sources of the error of gradients: one stage at a time in f32 and all others in double precision.
 
 use psrgs_vk::pass::camera::CameraPush;
 use psrgs_vk::raster::Variants;
@@ -12,7 +12,7 @@ use super::common;
 use super::common::splats::seeded;
 use super::device::{NAMES, SCALES, Scene, decided, upstream};
 
-/// What is computed in f32.
+/// The stage that is computed in f32.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
     /// Projected centres.
@@ -21,7 +21,7 @@ enum Stage {
     Conics,
     /// Opacities and colours.
     Colours,
-    /// Nothing: the rows that blending reads are stored in f32.
+    /// No arithmetic; the rows that blending reads are stored in f32.
     Rows,
     /// The two squares, from rows in f32.
     Exponent,
@@ -29,17 +29,17 @@ enum Stage {
     Exponential,
     /// Transmittances: the product forward, and the division backward.
     Transmittance,
-    /// What lies behind a splat, and with it the gradient of alpha.
+    /// The colour behind a splat, and so the gradient of alpha.
     Behind,
-    /// What pixels add to a splat in a tile, from rows in f32.
+    /// The contributions of a tile's pixels to a splat, from rows in f32.
     Sums,
     /// Slots, and their sums over tiles.
     Slots,
-    /// Nothing: the gradients that the projection reads are stored in f32.
+    /// No arithmetic; the gradients that the projection reads are stored in f32.
     Stored,
     /// The projection's derivative, from gradients in f32.
     Projection,
-    /// `Sums` in the frame of the two squares: no stage of the device, but what another variant of blending could have.
+    /// `Sums` in the frame of the two squares: no stage of the device, but a possible variant of blending.
     Squared,
 }
 
@@ -62,10 +62,10 @@ const STAGES: [(Stage, &str); 13] = [
 /// Side of a tile.
 const SIDE: usize = 8;
 
-/// Planes that are looked at: means, quats, scales, opacities, sh0.
+/// Number of compared planes: means, quats, scales, opacities, sh0.
 const PLANES: usize = 5;
 
-/// What a splat gets at a pixel: its weight, and the gradient of its exponent (base e).
+/// A splat's share of a pixel: weight, and gradient of the exponent (base e).
 #[derive(Clone, Copy, Default)]
 struct Share {
     weight: f64,
@@ -117,12 +117,12 @@ fn shares(
     out
 }
 
-/// Adds over the lanes of a tile as its butterfly does.
+/// Sums over the lanes of a tile in the order of the butterfly.
 fn fold<R: Real>(lanes: &[[R; 9]]) -> [R; 9] {
     match lanes {
         [one] => *one,
         _ => {
-            // Lanes that differ in the lowest bit first.
+            // First the lanes that differ in the lowest bit.
             let next: Vec<[R; 9]> =
                 lanes.chunks(2).map(|pair| std::array::from_fn(|c| pair[0][c] + pair[1][c])).collect();
             fold(&next)
@@ -264,21 +264,22 @@ fn shown(of: &[f64; PLANES]) -> String {
     format!("{:.1e} ({}); {}", of[worst], NAMES[worst], each.join(" "))
 }
 
-/// What a stage may be off by in a plane, at an aspect of the needles. A few times what is measured.
+/// Bound of a stage's error in a plane for needles of an aspect: a few times the measured error.
 fn bound(stage: Stage, plane: usize, aspect: f64) -> f64 {
     match stage {
-        // Rounding that a pixel's centre, a falloff or a colour sees, whatever the splat's shape.
+        // Rounding that does not depend on the shape of the splat.
         Stage::Colours | Stage::Exponential | Stage::Transmittance | Stage::Behind => 2e-6,
-        // Coordinates of 64 pixels are rounded, where half a pixel across a needle counts.
+        // Coordinates up to 64 are rounded, where half a pixel across a needle counts.
         Stage::Means | Stage::Conics | Stage::Rows | Stage::Exponent | Stage::Squared => 3e-5,
-        // Gradients of the conic are sums of dx^2, dx dy and dy^2, which are as large as a needle is long; what they
-        // say of the scale across it is a small difference of the three.
+        // Gradients of the conic are sums of dx^2, dx dy and dy^2, which grow with the length of a needle. The gradient
+        // of the scale across the needle is a small difference of these three sums.
         Stage::Sums | Stage::Slots | Stage::Stored | Stage::Projection if plane == SCALES => 5e-6 + 4e-7 * aspect,
         Stage::Sums | Stage::Slots | Stage::Stored | Stage::Projection => 3e-5,
     }
 }
 
-/// The parts together are what the device is off by: no stage is forgotten. Prints the table of `docs/ACCURACY.md`.
+/// The errors of the stages add up to the device's error, so no stage is missing. Prints the table of
+/// `docs/ACCURACY.md`.
 #[test]
 fn error_of_gradients_by_stage() {
     let Some(gpu) = common::gpu() else { return };

@@ -1,4 +1,4 @@
-//! Photographs that say little, and backgrounds that hide holes.
+//! Photographs with little content, and backgrounds that hide holes.
 
 use psrgs_vk::raster::{RenderView, Viewer};
 use psrgs_vk::train::Input;
@@ -9,8 +9,8 @@ use super::common;
 use super::common::plane_scene;
 use super::training::{mapped_input, settings, tail, trained};
 
-/// A twentieth of the light, and a twentieth of the contrast about grey, in 8 bits: the gradient of an absolute
-/// difference keeps its size, so models learn and grow. Black photographs leave nothing to learn but to be gone.
+/// A twentieth of the light, and a twentieth of the contrast about grey, in 8 bits. The gradient of an absolute
+/// difference does not shrink with the contrast, so models learn and grow. On black photographs models only fade.
 #[test]
 fn dark_and_low_contrast_photographs() {
     let Some(gpu) = common::gpu() else { return };
@@ -43,7 +43,7 @@ fn dark_and_low_contrast_photographs() {
     }
 }
 
-/// Mean transmittance over the pixels that count, and how much PSNR over them is lost by a white background.
+/// Mean transmittance of the unmasked pixels, and the loss of their PSNR by a white background.
 fn holes(gpu: &Gpu, input: &Input, background: Background) -> [f64; 2] {
     let mut s = settings(150);
     s.model.background = background;
@@ -76,12 +76,12 @@ fn holes(gpu: &Gpu, input: &Input, background: Background) -> [f64; 2] {
     [through / 2.0, drop / 2.0]
 }
 
-/// A dark ground before a black background: holes in it look right. A background of another colour in every step closes
-/// them.
+/// A dark ground in front of a black background: holes in the ground look right. A background of random colours closes
+/// the holes.
 #[test]
 fn background_cheating() {
     let Some(gpu) = common::gpu() else { return };
-    // What is not ground is masked: nothing is known of it.
+    // Pixels beside the ground are masked.
     let dark = |p: [u8; 4]| {
         let alpha = if p[..3] == [0; 3] { 0 } else { 255 };
         [p[0] / 4, p[1] / 4, p[2] / 4, alpha]

@@ -1,5 +1,5 @@
-//! Inputs that are known to break rasterizers and trainers, each a test named after its cause. `docs/ACCURACY.md` has
-//! the table of them, with those that other tests cover.
+//! Inputs that are known to break rasterizers and trainers, one test per cause. The table in `docs/ACCURACY.md` has all
+//! causes, also those that other tests cover.
 
 mod blending;
 mod budget;

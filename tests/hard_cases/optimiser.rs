@@ -1,4 +1,4 @@
-//! Steps of the optimiser and changes of density where models get stuck or end.
+//! Steps of the optimiser and changes of density at which models could get stuck or vanish.
 
 use psrgs_vk::pass::adam::{AdamSettings, Push};
 use psrgs_vk::scene::{Frame, init};
@@ -10,7 +10,7 @@ use super::common;
 use super::common::plane_scene;
 use super::training::{run, settings, state, tail, trained};
 
-/// Steps under a constant gradient, and the longest of them in units of the rate.
+/// The longest step under a constant gradient, in units of the learning rate.
 fn longest<R: Real>(gradient: f64, start: u32) -> f64 {
     let (mut param, mut first, mut second) = (R::zero(), R::zero(), R::zero());
     let mut longest = 0.0f64;
@@ -25,9 +25,9 @@ fn longest<R: Real>(gradient: f64, start: u32) -> f64 {
     longest
 }
 
-/// Adam divides a gradient by its own size: with an epsilon of 1e-15 the smallest noise moves a parameter as far as a
-/// true gradient. The bound of a step is (1 - 0.9^k) / sqrt(1 - 0.999^k) rates: 1 from the start, 6.6 for rows that are
-/// born late. The device's pass is held to the same in the twin test of `adam`.
+/// Adam divides a gradient by its own size: with an epsilon of 1e-15, the smallest noise moves a parameter as far as a
+/// true gradient. A step is at most (1 - 0.9^k) / sqrt(1 - 0.999^k) learning rates: 1 from the start, 6.6 for rows that
+/// are born late. The twin test of `adam` holds the device to the same bound.
 #[test]
 fn adam_at_tiny_and_huge_gradients() {
     for e in -25..=18 {
@@ -36,24 +36,24 @@ fn adam_at_tiny_and_huge_gradients() {
             for (start, most) in [(1, 1.01), (30_000, 6.6)] {
                 let [single, double] = [longest::<f32>(gradient, start), longest::<f64>(gradient, start)];
                 assert!(single <= most && double <= most, "gradient {gradient:e}: {single} and {double} rates");
-                // Nearer to the epsilon, and in f32 where the square is a denormal (below 3e-18), less is moved.
+                // Steps are shorter near the epsilon, and in f32 where the square is a denormal (below 3e-18).
                 assert!(e < -12 || double > 0.99, "gradient {gradient:e}: {double} rates");
             }
         }
     }
     for gradient in [f64::NAN, f64::INFINITY, 1e19, -1e30] {
-        assert_eq!(longest::<f32>(gradient, 1), 0.0, "gradient {gradient:e} says nothing");
+        assert_eq!(longest::<f32>(gradient, 1), 0.0, "gradient {gradient:e} must move nothing");
     }
 }
 
-/// At opacity 0.01 a splat shows up to 1.4 deviations from its centre, and fainter ones nowhere: some get no gradient
-/// and cannot come back. What the reset costs is made up again.
+/// At opacity 0.01 a splat shows up to 1.4 deviations from its centre; fainter splats show nowhere, get no gradient and
+/// cannot recover. Training makes up for the cost of the reset.
 #[test]
 fn opacity_reset_recovery() {
     let Some(gpu) = common::gpu() else { return };
     let views = 5;
     let mut s = settings(200);
-    // One reset, at 60: none may fall on the last steps.
+    // One reset, at step 60: a reset in the last steps would not recover.
     s.density.opacity_reset_interval = 60;
     s.density.densify_until = 100;
     s.density.max_splats = Some(1000);
@@ -61,8 +61,8 @@ fn opacity_reset_recovery() {
     let before = run(&mut trainer, 60);
     let after = run(&mut trainer, 60 + 3 * views as u32);
     let now = state(&mut trainer);
-    // The reset has cleared the moments of the opacities; three passes over the photographs have filled those that are
-    // seen.
+    // The reset has cleared the moments of the opacities. Three passes over the photographs have filled those of
+    // visible splats.
     let still = now.moments[0][3].iter().filter(|m| **m == 0.0).count() as f64 / now.splats() as f64;
     let (was, at_worst) = (tail(&before.losses, views), after.losses.iter().fold(0.0f32, |m, l| m.max(*l)));
     let rest = run(&mut trainer, u32::MAX);
@@ -76,8 +76,7 @@ fn opacity_reset_recovery() {
     assert!(end < was, "{end} at the end, {was} before the reset");
 }
 
-/// One camera; ten points, all at one place, on one line, or all too large or too faint to stay:
-/// training goes on to its end.
+/// One camera, and ten points: at one place, on a line, too large, or too faint to stay. Training runs to its end.
 #[test]
 fn all_pruned_and_degenerate_starts() {
     let Some(gpu) = common::gpu() else { return };
@@ -109,8 +108,7 @@ fn all_pruned_and_degenerate_starts() {
     common::assert_no_messages(&gpu);
 }
 
-/// A splat of a hundred extents is drawn until the first density change that looks at sizes, and gone then;
-/// the others stay.
+/// A splat of a hundred extents is drawn until the first density change that prunes by size. The other splats stay.
 #[test]
 fn giants_are_pruned_and_splats_that_grow_are_not_clipped() {
     let Some(gpu) = common::gpu() else { return };

@@ -1,5 +1,5 @@
-//! Numbers that are none, infinite, denormal or as large as can be, in every parameter of a splat: through forward
-//! pass, backward pass, step and density change of a training.
+//! Numbers that are NaN, infinite, denormal or huge, in every parameter of a splat: through forward pass, backward
+//! pass, optimiser step and density change of a training.
 
 use psrgs_vk::pass::camera::{CameraPush, NEAR, Projection};
 use psrgs_vk::raster::PLANES;
@@ -29,7 +29,7 @@ fn schedule() -> Settings {
     s
 }
 
-/// A training some steps old, before any change of density.
+/// A training after a few steps, before any change of density.
 fn young(gpu: &Gpu, settings: &Settings) -> (Restart, Trainer) {
     let pacing = Pacing { events_in_flight: 1, ..Pacing::default() };
     let mut trainer = Trainer::new(gpu, input(), settings, pacing, None).expect("trainer");
@@ -80,20 +80,20 @@ fn without(state: &State) -> State {
     }
 }
 
-/// The training goes on from another state.
+/// A training that continues from another state.
 fn from(gpu: &Gpu, settings: &Settings, restart: &Restart, state: State) -> Trainer {
     let restart = Restart { state, ..restart.clone() };
     Trainer::new(gpu, input(), settings, Pacing::default(), Some(restart)).expect("trainer")
 }
 
-/// The training from another state to its end.
+/// A training that continues from another state to its end.
 fn resumed(gpu: &Gpu, settings: &Settings, restart: &Restart, state: State) -> (State, super::training::Told) {
     let mut trainer = from(gpu, settings, restart, state);
     let told = run(&mut trainer, u32::MAX);
     (super::training::state(&mut trainer), told)
 }
 
-/// Splats of a state that the twin leaves out of a view because of a number.
+/// Number of splats that the twin leaves out of a view because of a number that is not finite.
 fn bad(state: &State, trainer: &Trainer, step: u32) -> usize {
     let camera = input().train[trainer.schedule().view_at(step)].camera;
     let projection = Projection {
@@ -117,8 +117,8 @@ fn bad(state: &State, trainer: &Trainer, step: u32) -> usize {
         .count()
 }
 
-/// Bad splats take no part in anything: all others train, grow and are pruned to the same bits as if the bad ones had
-/// never been there. The bad ones are counted, told of, and dropped by the next change of density.
+/// Bad splats have no effect on others: all others train, grow and are pruned to the same bits as without the bad
+/// splats. Bad splats are counted, reported, and dropped by the next change of density.
 #[test]
 fn splats_that_are_not_numbers_leave_no_trace_in_others() {
     let Some(gpu) = common::gpu() else { return };
@@ -152,9 +152,8 @@ fn splats_that_are_not_numbers_leave_no_trace_in_others() {
     common::assert_no_messages(&gpu);
 }
 
-/// Denormals count as what they are next to: the same training as with zeros in their place. That is bit for bit above
-/// zero; below it an exponential may round otherwise than at zero, which training then enlarges,
-/// so there only its first step is compared.
+/// Training with denormals equals training with zeros in their place: bit for bit above zero. Below zero an exponential
+/// may round differently than at zero, and training amplifies the difference, so that only the first step is compared.
 #[test]
 fn denormals_are_as_good_as_zero() {
     let Some(gpu) = common::gpu() else { return };
@@ -176,8 +175,8 @@ fn denormals_are_as_good_as_zero() {
     }
 }
 
-/// The largest numbers there are: in place, rotation, size and opacity a splat is culled or drawn, and nothing else
-/// comes of it. A colour of 1e38 is a colour, and a loss that is none ends the training with a message.
+/// The largest numbers of f32. In mean, quaternion, scale and opacity, the splat is culled or drawn without other
+/// effects. A colour of 1e38 is valid, and a loss that is not finite ends the training with a message.
 #[test]
 fn huge_numbers_are_culled_or_end_the_training() {
     let Some(gpu) = common::gpu() else { return };

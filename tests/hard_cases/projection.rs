@@ -1,4 +1,4 @@
-//! Splats whose projection is ill-conditioned, at an edge of what is defined, or beyond it.
+//! Splats whose projection is ill-conditioned, at the edge of its domain, or undefined.
 
 use psrgs_vk::pass::camera::{CameraPush, NEAR};
 use psrgs_vk::pass::counters;
@@ -25,7 +25,7 @@ fn aspect(splat: &Splat<f64>, view: &View<f64>) -> f64 {
     ((middle + reach) / (middle - reach)).sqrt()
 }
 
-/// Needles of about this aspect on a picture of 64x48, in any direction.
+/// Needles of about this aspect in any direction, in a render of 64x48.
 pub(crate) fn needles(random: &mut Random, ratio: f64) -> Scene {
     let camera = camera(64, 48);
     let splats: Vec<_> = (0..40)
@@ -35,7 +35,7 @@ pub(crate) fn needles(random: &mut Random, ratio: f64) -> Scene {
             // The dilation leaves a needle at least sqrt(0.3) pixels of deviation across.
             let mut splat = round(random, &camera, at, z, 0.05, opacity);
             splat.log_scale[0] = (0.55 * ratio * z / camera.fx).ln();
-            // Turned about the viewing axis, and by little out of the picture's plane.
+            // Turned about the viewing axis, and slightly out of the image plane.
             let angle = random.range(0.0, 3.0);
             splat.quat = [angle.cos(), 0.02 * random.symmetric(), 0.02 * random.symmetric(), angle.sin()];
             splat
@@ -44,9 +44,10 @@ pub(crate) fn needles(random: &mut Random, ratio: f64) -> Scene {
     Scene::new(&splats, camera, false)
 }
 
-/// Bounds are a few times what was measured. Neither pictures nor gradients lose much with the aspect, because the
-/// exponent is a sum of two squares and gradients of scales avoid products that cancel; at 1,000 those of the scales
-/// do: across a needle they are a small difference of what the conic's three entries get.
+/// Bounds are a few times the measured errors. Renders and gradients lose few digits with the aspect, because the
+/// exponent is a sum of two squares, and gradients of scales avoid products that cancel. At an aspect of 1,000,
+/// gradients of scales lose digits: across a needle they are a small difference of gradients of the conic's three
+/// entries.
 #[test]
 fn needles_of_aspect_10_100_and_1000() {
     let Some(gpu) = common::gpu() else { return };
@@ -80,8 +81,7 @@ fn needles_of_aspect_10_100_and_1000() {
     }
 }
 
-/// A splat of a hundred times the scene's extent among ordinary ones: it lies in every tile once,
-/// and the picture is right.
+/// A splat of a hundred times the scene's extent among ordinary ones lies in every tile once, and the render is right.
 #[test]
 fn giants() {
     let Some(gpu) = common::gpu() else { return };
@@ -113,7 +113,7 @@ fn giants() {
     }
 }
 
-/// Depths through the near plane, exactly on it, at the camera and behind it. On it is behind it.
+/// Depths in front of, on and behind the near plane, at the camera and behind it. A splat on the near plane is culled.
 #[test]
 fn near_plane_sweep() {
     let Some(gpu) = common::gpu() else { return };
@@ -153,9 +153,9 @@ fn near_plane_sweep() {
     }
 }
 
-/// Centres at 1.3 to 1.8 times the field of view whose flanks reach into the picture: there the Jacobian is taken at
-/// the clamped place. The gradient is that of what is rendered; the 3DGS reference counts a term of the depth twice,
-/// which training can follow.
+/// Centres at 1.3 to 1.8 times the field of view, whose flanks reach into the image: the Jacobian is taken at the
+/// clamped position. The gradient is that of the render. The 3DGS reference counts a term of the depth twice, which is
+/// an option of training.
 #[test]
 fn off_frustum_clamp() {
     let Some(gpu) = common::gpu() else { return };
@@ -194,7 +194,7 @@ fn off_frustum_clamp() {
     }
 }
 
-/// Quaternions and scales that vanish, and a centre in the camera's: normalising nothing gives NaN in other programs.
+/// Zero quaternions, vanishing scales, and a mean at the camera's centre: normalising zero gives NaN in other programs.
 #[test]
 fn zero_quaternions_scales_and_distance() {
     let Some(gpu) = common::gpu() else { return };
@@ -234,8 +234,8 @@ fn zero_quaternions_scales_and_distance() {
     }
 }
 
-/// An opacity of 1 has an infinite logit. Logits that are made from opacities are finite,
-/// and saturated ones neither move nor break.
+/// An opacity of 1 has an infinite logit. Logits that are computed from opacities are finite, and saturated logits
+/// neither move nor break.
 #[test]
 fn logit_of_1() {
     for opacity in [0.0, 1e-300, 1e-6, 0.005, 0.5, 1.0 - 1e-6, 1.0] {
@@ -272,8 +272,8 @@ fn logit_of_1() {
     }
 }
 
-/// Sizes from a ten-millionth of a pixel to a pixel, and needles that are thin in one direction only, with the
-/// anti-aliasing factor: a ratio of determinants that cancels when it is formed as `ac - b^2`.
+/// Sizes from a ten-millionth of a pixel to a pixel, and needles that are thin in one direction alone. With
+/// anti-aliasing: its factor is a ratio of determinants, which cancel in the form `ac - b^2`.
 #[test]
 fn sub_pixel_splats_with_antialiasing() {
     let Some(gpu) = common::gpu() else { return };

@@ -1,4 +1,4 @@
-//! Where a scene lies and how large it is makes no difference.
+//! Position and scale of a scene make no difference.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ fn quaternion(r: &[[f64; 3]; 3]) -> [f64; 4] {
     }
 }
 
-/// The plane scene as a dataset: scaled, then moved. Eight training photographs and two held out.
+/// The plane scene as a dataset, scaled and then moved. Eight training photographs and two held-out ones.
 fn write(root: &Path, scale: f64, offset: [f64; 3]) {
     let input = plane_scene::input(8, 48, 36, 300);
     let camera = &input.train[0].camera;
@@ -102,8 +102,8 @@ fn score(gpu: &Gpu, input: &Input, seed: u64) -> f64 {
     trainer.evaluate().unwrap().psnr
 }
 
-/// Coordinates in the files are f64: what is left of `scale` times a coordinate at `far` is known to this much of the
-/// scene's units.
+/// Checks that both scenes agree up to rounding: of f32 parameters, and of f64 coordinates in files at a distance of
+/// `far` from the origin.
 fn assert_same_scene(what: &str, near: &Loaded, other: &Loaded, far: f64) {
     let file = 4.0 * far * f64::EPSILON * other.dataset.frame.scale;
     let close = |name: &str, a: f64, b: f64| {
@@ -140,7 +140,7 @@ fn utm_offset_and_scene_scale_x100() {
     let want = first_gradients(&gpu, &near.input);
     for (what, other) in [("UTM", &utm), ("x100", &large)] {
         let found = first_gradients(&gpu, &other.input);
-        // The first splats are round and have no rotation; the upper bands are not yet in use.
+        // The first splats are round, so rotations have no gradient. Higher degrees of harmonics are not in use yet.
         for (p, got) in [MEANS, SCALES, OPACITIES, SH0].map(|p| (p, &found[p])) {
             let wide: Vec<f64> = want[p].iter().map(|v| f64::from(*v)).collect();
             assert!(wide.iter().any(|v| *v != 0.0), "{}", NAMES[p]);
@@ -154,7 +154,7 @@ fn utm_offset_and_scene_scale_x100() {
     for (what, other) in [("UTM", &utm), ("x100", &large)] {
         let got = score(&gpu, &other.input, 0);
         println!("{what}: {got:.2} dB; {low:.2} to {high:.2} over seeds");
-        // Four seeds do not show the whole of the spread.
+        // Four seeds do not show the whole spread.
         let spread = high - low;
         assert!(got > low - spread && got < high + spread, "{what}: {got} dB; {low} to {high} over seeds");
     }

@@ -1,4 +1,4 @@
-//! Orders that are not decided by depth, and lists that are made by two kernels.
+//! Orders that depth does not decide, and lists that two kernels make.
 
 use psrgs_vk::pass::counters;
 use psrgs_vk::raster::{Planes, Renderer, Size, Target, Variants};
@@ -8,8 +8,7 @@ use super::common;
 use super::common::splats::{camera, seeded, spread};
 use super::device::{Scene, round, straight};
 
-/// 1,000 splats in one plane across the line of sight: the order is that of the rows, in the sort and in the reference,
-/// and every run is the same bits.
+/// 1,000 splats at one depth: sort and reference keep the order of the rows, and every run gives the same bits.
 #[test]
 fn depth_ties_and_stability() {
     let Some(gpu) = common::gpu() else { return };
@@ -32,8 +31,8 @@ fn depth_ties_and_stability() {
         for (scene, image) in [(&scene, &image), (&backwards, &other)] {
             let first = scene.picture(&gpu, variants);
             assert!(first == scene.picture(&gpu, variants), "{variants}: two pictures differ");
-            // Ties count as decisions, so margins do not tell where rounding may turn over another: that shows a splat
-            // of 1/255 more or less, in few pixels. A wrong order is off in most of them.
+            // Ties count as decisions, so margins do not show where rounding may flip another decision. A flipped
+            // decision adds or removes an alpha of 1/255 in few pixels. A wrong order shows in most pixels.
             let off: Vec<f64> = (0..scene.pixels())
                 .map(|i| (0..3).map(|c| (f64::from(first[4 * i + c]) - image.colour[i][c]).abs()).fold(0.0, f64::max))
                 .collect();
@@ -43,8 +42,8 @@ fn depth_ties_and_stability() {
     }
 }
 
-/// What `project` counts is what `emit` writes: with every list poisoned before, needles, giants and splats on the
-/// borders of tiles leave no slot unwritten, and the picture is the same bits.
+/// `emit` writes as many pairs as `project` counts. With every list poisoned before, needles, giants and splats on the
+/// borders of tiles leave no slot unwritten, and the render has the same bits.
 #[test]
 fn tile_counts_and_poisoned_slots() {
     let Some(gpu) = common::gpu() else { return };

@@ -17,13 +17,13 @@ pub(crate) fn settings(iterations: u32) -> Settings {
     s.density.densify_interval = 15;
     s.density.opacity_reset_interval = 0;
     s.model.sh_interval = 20;
-    // A scene this small moves at larger steps than the reference's.
+    // A scene this small needs larger steps than the reference's.
     s.optimiser.lr_sh_base = 0.02;
     s.optimiser.lr_opacities = 0.1;
     s
 }
 
-/// What was told of a training.
+/// The messages of a training.
 #[derive(Default)]
 pub(crate) struct Told {
     pub(crate) losses: Vec<f32>,
@@ -38,7 +38,7 @@ impl Told {
     }
 }
 
-/// Trains to the end, or until it has been told of a step.
+/// Trains to the end, or until the message of step `until`.
 pub(crate) fn run(trainer: &mut Trainer, until: u32) -> Told {
     let mut told = Told::default();
     while let Some(message) = trainer.next_message().expect("message") {
@@ -67,7 +67,7 @@ pub(crate) fn state(trainer: &mut Trainer) -> State {
     trainer.snapshot().expect("snapshot").state
 }
 
-/// Mean of the last `n`.
+/// Mean of the last `n` losses.
 pub(crate) fn tail(losses: &[f32], n: usize) -> f32 {
     losses[losses.len() - n..].iter().sum::<f32>() / n as f32
 }

@@ -1,4 +1,4 @@
-//! Readers of weights: every format gives the same numbers, and what is wrong with a file is said with file and field.
+//! Readers of weights: every format gives the same numbers, and errors name file and field.
 
 use std::path::{Path, PathBuf};
 
@@ -37,7 +37,7 @@ fn every_format_gives_the_same_numbers() {
     assert_equal(&param, &trunk);
     assert_equal(&bin, &trunk);
 
-    // By their usual names in a folder; a trunk with the layers beside it; both in one file.
+    // A folder with the usual names, a trunk with the linear layers beside it, and both in one file.
     let layers = write(folder.path(), "squeeze.pth", &old_pth(&linear));
     let found = LpipsWeights::find(folder.path()).unwrap();
     assert_eq!(found.files(), [folder.path().join("squeezenet1_1.safetensors"), layers.clone()]);
@@ -87,8 +87,8 @@ fn another_network_is_named_with_file_and_field() {
     assert!(error.to_string().starts_with("layers.pth: 'lin1.model.1.weight'"), "{error}");
 }
 
-/// Of every format: cut off anywhere, and with any byte changed, a file is read or refused,
-/// and never more memory taken than it says.
+/// Files of every format, cut at any byte or with any byte changed, are read or refused, with no more memory than a
+/// file justifies.
 #[test]
 fn damaged_files_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -108,7 +108,7 @@ fn damaged_files_are_refused() {
             for flip in [0x01, 0x80, 0xff] {
                 let mut broken = bytes.clone();
                 broken[at] ^= flip;
-                // Whatever it says, it must not panic or take memory that the file does not have.
+                // No panic, and no allocation beyond the size of the file.
                 let _ = read_tensors(&write(folder.path(), name, &broken));
             }
         }

@@ -43,7 +43,7 @@ fn filter_bank_grows_with_blur_and_its_gradient_is_right() {
         [0.7, 1.2, 2.5].map(|sigma| measure(&gpu, &distance, &colours(&image::imageops::blur(&sharp, sigma)), &rgba).0);
     assert!(same < blurred[0] && blurred[0] < blurred[1] && blurred[1] < blurred[2] && blurred[2] < 1.0, "{blurred:?}");
 
-    // Smooth, unlike a network: large steps are good enough, and rounding does not matter.
+    // The distance is smooth, unlike that of a network: large steps are accurate enough, and rounding does not matter.
     let start = colours(&image::imageops::blur(&sharp, 1.2));
     let (_, grad) = measure(&gpu, &distance, &start, &rgba);
     let mut random = Random::new(6);
@@ -52,7 +52,7 @@ fn filter_bank_grows_with_blur_and_its_gradient_is_right() {
         let direction: Vec<[f32; 4]> = grad
             .iter()
             .map(|g| {
-                // Half along the gradient, so that the slope is far from 0.
+                // Partly along the gradient, so that the slope is far from 0.
                 let noise = |v: f32| (f64::from(v) / length + 0.5 * random.range(-1.0, 1.0) / 38.0) as f32;
                 let [r, g, b] = [g[0], g[1], g[2]].map(noise);
                 [r, g, b, 0.0]
@@ -66,7 +66,7 @@ fn filter_bank_grows_with_blur_and_its_gradient_is_right() {
         let want = (at(h) - at(-h)) / (2.0 * f64::from(h));
         let got: f64 = grad.iter().flatten().zip(direction.iter().flatten()).map(|(g, d)| f64::from(g * d)).sum();
         assert!((got - want).abs() < 2e-3 * length, "direction {trial}: {got} instead of {want}, length {length}");
-        assert!(got > 0.2 * length, "direction {trial} says nothing");
+        assert!(got > 0.2 * length, "direction {trial}: the slope is too small");
     }
     common::assert_no_messages(&gpu);
 }

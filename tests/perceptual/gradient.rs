@@ -35,7 +35,7 @@ impl Scene {
         Self { size, at: (5, 3), window: (30, 25), image, rgba }
     }
 
-    /// Places of the window's pixels in the whole image.
+    /// Indices of the window's pixels in the whole image.
     fn places(&self) -> Vec<usize> {
         let row = |y| (0..self.window.0).map(move |x| ((self.at.1 + y) * self.size.0 + self.at.0 + x) as usize);
         (0..self.window.1).flat_map(row).collect()
@@ -45,7 +45,7 @@ impl Scene {
         std::array::from_fn(|c| f64::from(self.rgba[4 * k + c]) / 255.0)
     }
 
-    /// The window as it is compared, with `step` along `direction` (three numbers per pixel) added to the image.
+    /// The compared window, with `step` times `direction` (three numbers per pixel) added to the image.
     fn shown(&self, direction: &[f64], step: f64) -> Vec<[f64; 3]> {
         let one = |(i, k): (usize, usize)| match self.rgba[4 * k + 3] {
             0 => self.photograph(k),
@@ -55,7 +55,7 @@ impl Scene {
     }
 }
 
-/// Value and gradient, `weight` times, on top of what `before` holds.
+/// Value, and `weight` times the gradient added to `before`.
 fn on_device(gpu: &Gpu, distance: &Distance, scene: &Scene, weight: f32, before: &[[f32; 4]]) -> (f32, Vec<[f32; 4]>) {
     let buffer = |name: &str, bytes: usize| gpu.buffer(name, bytes as u64, Memory::Device).unwrap();
     let (image, photograph) = (buffer("image", 16 * scene.image.len()), buffer("photograph", scene.rgba.len()));
@@ -94,7 +94,7 @@ fn gradient_is_that_of_finite_differences() {
     let want = reference.distance(&scene.shown(&vec![0.0; 3 * places.len()], 0.0));
     assert!((f64::from(value) - want).abs() < 2e-5 * want, "{value} instead of {want}");
 
-    // What the pass has added, in the window; and nothing elsewhere, nor where pixels are masked.
+    // The added gradient in the window. Outside the window and at masked pixels there must be none.
     let mut grad = Vec::new();
     for (k, (after, before)) in after.iter().zip(&before).enumerate() {
         assert_eq!(after[3], before[3]);

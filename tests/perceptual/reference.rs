@@ -86,7 +86,7 @@ impl Net<'_> {
 
 /// 3x3, stride 2; the last window may hang over when a part of it is inside.
 fn pool(x: &Planes) -> Planes {
-    // (side - size + stride - 1) / stride + 1, as PyTorch has it.
+    // PyTorch: (side - size + stride - 1) / stride + 1.
     let [height, width] = [x.height, x.width].map(|side| (side + 1 - 3) / 2 + 1);
     let mut values = Vec::new();
     for c in 0..x.channels {
@@ -101,7 +101,7 @@ fn pool(x: &Planes) -> Planes {
     Planes { channels: x.channels, height, width, values }
 }
 
-/// What a picture is compared with.
+/// The reference picture of a comparison.
 pub struct Reference<'a> {
     net: Net<'a>,
     width: usize,

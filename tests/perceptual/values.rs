@@ -1,4 +1,4 @@
-//! Distances against known ones and against the reference.
+//! Distances against published numbers and against the reference.
 
 use psrgs_vk::perceptual::{Distance, Error, GradientOf, LpipsWeights, Metric, Pair, read_tensors};
 use psrgs_vk::scene::random::Random;
@@ -36,7 +36,7 @@ pub fn made_up(width: u32, height: u32, seed: u64) -> Vec<u8> {
         .collect()
 }
 
-/// Distances per layer and their sum, by a room with or without gradients.
+/// Distances per layer and their sum, with buffers with or without room for gradients.
 fn layers(
     gpu: &Gpu,
     distance: &Distance,
@@ -61,7 +61,7 @@ fn layers(
     gpu.read(windows.result()).unwrap()
 }
 
-/// The example of the PerceptualSimilarity project, by the numbers of a separate program in plain C.
+/// The example of the PerceptualSimilarity project, with the numbers of a separate program in plain C.
 #[test]
 fn known_distances_of_the_published_weights() {
     let (Some(trunk), Some(linear)) =
@@ -125,7 +125,7 @@ fn any_size_has_the_distance_of_the_reference() {
         let got = f64::from(metric.distance(&rgb, &opaque(&reference), width, height).unwrap());
         assert!((got - want.iter().sum::<f64>()).abs() < 1e-4);
     }
-    // What is not compared has no part.
+    // Pixels outside the comparison have no effect.
     let (rgb, reference) = (made_up(34, 21, 1), made_up(34, 21, 2));
     let masked: Vec<u8> = reference.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 0]).collect();
     assert_eq!(metric.distance(&rgb, &masked, 34, 21).unwrap(), 0.0);

@@ -25,7 +25,7 @@ pub fn convolutions() -> Vec<(String, usize, usize, usize)> {
     all
 }
 
-/// Channels of the layers that are compared.
+/// Channels of the compared layers.
 pub const LAYERS: [usize; 7] = [64, 128, 256, 384, 384, 512, 512];
 
 /// Arrays by name.
@@ -51,7 +51,7 @@ pub fn arrays() -> (Named, Named) {
     (trunk, linear)
 }
 
-/// Arrays as if a file had held them.
+/// Arrays in the form of a file's content.
 pub fn tensors(file: &str, arrays: Named) -> Tensors {
     let mut tensors = Tensors::new(Path::new(file));
     arrays.into_iter().for_each(|(name, tensor)| tensors.insert(name, tensor));

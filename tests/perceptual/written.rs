@@ -25,8 +25,8 @@ fn tuple(out: &mut Vec<u8>, values: &[usize]) {
     out.push(b't');
 }
 
-/// The pickle of a dictionary of tensors, each in a storage of its own with its place as key.
-/// Parameters are wrapped once more.
+/// The pickle of a dictionary of tensors, each in a storage of its own, whose key is the index of the tensor.
+/// `parameters` wraps each tensor in a parameter.
 fn pickle(arrays: &Arrays, parameters: bool) -> Vec<u8> {
     let mut out = b"\x80\x02}(".to_vec();
     for (key, (name, tensor)) in arrays.iter().enumerate() {

@@ -1,5 +1,4 @@
-//! The page in a browser that is driven as by a person: keys and mouse come from the browser's own input,
-//! not from a script of the page.
+//! The page in a browser under real input: key and mouse events come from the browser, not from a script of the page.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
@@ -11,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::{chromium, common, example, portraits};
 
-/// A headless browser at the end of two pipes (the protocol of its developer tools: JSON, ended by zeros).
+/// A headless browser behind two pipes, with the protocol of its developer tools (JSON, terminated by zero bytes).
 struct Browser {
     process: Child,
     to: File,
@@ -27,7 +26,7 @@ impl Browser {
         let pipe = |name: &str| profile.join(name);
         let made = Command::new("mkfifo").args([pipe("to"), pipe("from")]).status().expect("mkfifo");
         assert!(made.success());
-        // The shell gives the browser the file handles that it looks for.
+        // The shell opens the file descriptors 3 and 4 for the browser.
         let process = Command::new("sh")
             .args(["-c", r#"browser=$1; shift; exec "$browser" "$@" 3<"$PROFILE/to" 4>"$PROFILE/from""#, "sh"])
             .arg(chromium)
@@ -121,14 +120,14 @@ fn sliders_are_moved_by_keyboard_and_by_mouse() {
     let page = folder.path().join("report.html");
     write_report(&example(2, 160), &page).expect("written");
     let mut browser = Browser::open(&chromium, &page, folder.path());
-    // The second slider, which has to be scrolled to.
+    // The second slider, below the visible part of the page.
     let state = "(() => { const stage = document.querySelectorAll('.stage')[1], range = stage.querySelector('input'); \
                  return [Number(range.value), stage.style.getPropertyValue('--share'), \
                  range.getAttribute('aria-valuetext'), document.activeElement === range]; })()";
     let first = "document.querySelector('.stage input').value";
     assert_eq!(browser.value(state)[3], false);
 
-    // By the tabulator key from slider to slider, as someone without a mouse does.
+    // The tabulator key moves the focus from slider to slider.
     for _ in 0..40 {
         browser.key("Tab", 9);
         if browser.value(state)[3] == true {
@@ -153,7 +152,7 @@ fn sliders_are_moved_by_keyboard_and_by_mouse() {
     let [left, top, width, height] = [0, 1, 2, 3].map(|k| place[k].as_f64().expect("a number"));
     assert!(width > 150.0 && height > 100.0, "{place}");
 
-    // Pressed at 80 %, drawn to 25 % and let go: it stays there when the mouse goes on.
+    // Pressed at 80 %, drawn to 25 % and released: the slider stays when the mouse moves on.
     let at = |share: f64| [left + share * width, top + 0.5 * height];
     let near = |found: &Value, share: f64| (found[0].as_f64().expect("a number") - share).abs() <= 2.0;
     browser.mouse("mouseMoved", at(0.8), false);
@@ -169,7 +168,7 @@ fn sliders_are_moved_by_keyboard_and_by_mouse() {
     assert_eq!(browser.value(first), "50", "the other slider has stayed");
 }
 
-/// Pictures that are higher than wide left half of their card empty.
+/// Pictures in portrait format must not leave half of their card empty.
 #[test]
 fn cards_are_filled_by_pictures_of_every_shape() {
     let Some(chromium) = chromium() else {

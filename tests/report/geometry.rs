@@ -1,4 +1,4 @@
-//! Geometry metrics against hand-made pictures and models with known errors.
+//! Geometry metrics against made-up pictures and models with known errors.
 
 use std::path::Path;
 
@@ -10,6 +10,7 @@ use psrgs_vk::format::image_out::{read_depth, read_normals};
 use psrgs_vk::format::ply::Mesh;
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::raster::{Picture, RenderView, Viewer};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::{Camera, Frame, Gaussians};
 use psrgs_vk::vk::Gpu;
 use psrgs_vk::world::{Effects, LidarParams, WorldParams, generate};
@@ -27,7 +28,7 @@ const CAMERA: Camera = Camera {
     height: 2,
 };
 
-/// Ten pixels with a truth for eight of them, one of these nearly transparent.
+/// Ten pixels: eight have a true depth, and one of the eight is nearly transparent.
 #[test]
 fn pictures_with_known_errors_give_these_errors() {
     let scale = 0.25;
@@ -42,7 +43,7 @@ fn pictures_with_known_errors_give_these_errors() {
         rgbt.extend([0.0, 0.0, 0.0, 1.0 - w]);
         let z = if truth[k] > 0.0 { truth[k] * (1.0 + errors[k]) } else { 5.0 } * scale as f32;
         let turn = degrees[k].to_radians();
-        // Normals that are neither of unit length nor weighted alike: only their directions count.
+        // Normals of different lengths and weights: only directions count.
         aux.extend([w * z, 0.3 * w * turn.sin() as f32, 0.0, -0.3 * w * turn.cos() as f32]);
         normals.push([0.0, 0.0, -1.0]);
     }
@@ -51,13 +52,13 @@ fn pictures_with_known_errors_give_these_errors() {
     let mut agreement = Agreement::default();
     assert_eq!((agreement.median_error(), agreement.within(0.005), agreement.coverage()), (None, None, None));
     agreement.add(&picture, &known, scale);
-    // Of seven covered pixels the fourth by size.
+    // The median of the seven covered pixels.
     assert!((agreement.median_error().unwrap() - 0.006).abs() < 1e-6);
     assert_eq!(agreement.within(0.005), Some(3.0 / 8.0));
     assert_eq!(agreement.within(0.02), Some(5.0 / 8.0));
     assert_eq!(agreement.coverage(), Some(7.0 / 8.0));
     assert!((agreement.median_degrees().unwrap() - 9.0).abs() < 1e-3);
-    // A picture at a wrong scale is wrong all over.
+    // A depth map at a wrong scale is wrong everywhere.
     let mut other = Agreement::default();
     other.add(&picture, &known, 1.0);
     assert!((other.median_error().unwrap() - 0.75).abs() < 0.01 && other.within(0.02) == Some(0.0));
@@ -72,7 +73,7 @@ fn square_at(offset: [f64; 3]) -> Mesh {
     }
 }
 
-/// Also in a national grid, through the file of the surface.
+/// At the origin, and in a national grid with the surface read from a file.
 #[test]
 fn splats_at_known_distances_give_these_distances() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -115,7 +116,7 @@ fn known_distances(offset: [f64; 3], square: &Mesh) {
     // Opaque ones by distance: 0 (mass 0.018), 0.1 (0.008), 0.3 (0.036), 0.49 (0.021), 7 (0.019):
     // half is reached at 0.3.
     assert!((off.distance.unwrap() - 0.3).abs() < 1e-5, "{off:?}");
-    // Where nothing floats, that is no negative number.
+    // Without floaters the share is +0, not -0.
     let near = off_surface(&model, &frame, 5000.0, &Closest::new(square));
     assert!(near.floaters.is_some_and(|share| share == 0.0 && share.is_sign_positive()), "{near:?}");
     let geometry = Geometry { floaters: near.floaters, ..Geometry::default() };
@@ -128,17 +129,13 @@ fn known_distances(offset: [f64; 3], square: &Mesh) {
 
 #[test]
 fn the_nearest_triangle_is_the_nearest_of_all() {
-    let mut state = 9u64;
-    let mut random = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as f64 / f64::from(1u32 << 31)
-    };
+    let mut random = Random::new(9);
     let mut mesh = Mesh::default();
     for k in 0..300u32 {
-        let middle = [0; 3].map(|_| 20.0 * random());
-        // Large, small, and some that are but a line.
+        let middle = [0; 3].map(|_| 20.0 * random.unit());
+        // Large and small triangles, some of which are only a line.
         let size = if k % 3 == 0 { 6.0 } else { 0.5 };
-        let mut corners = [[0.0; 3]; 3].map(|_: [f64; 3]| middle.map(|m| m + size * (random() - 0.5)));
+        let mut corners = [[0.0; 3]; 3].map(|_: [f64; 3]| middle.map(|m| m + size * (random.unit() - 0.5)));
         if k % 17 == 0 {
             corners[2] = corners[0];
         }
@@ -147,8 +144,8 @@ fn the_nearest_triangle_is_the_nearest_of_all() {
     }
     let closest = Closest::new(&mesh);
     for _ in 0..60 {
-        let p = [0; 3].map(|_| 30.0 * random() - 5.0);
-        // Points spread over each triangle, finer than `gap` wherever the point is.
+        let p = [0; 3].map(|_| 30.0 * random.unit() - 5.0);
+        // Points spread over each triangle; `gap` bounds the distance between neighbours.
         let mut nearest = (f64::INFINITY, 0.0);
         for t in &mesh.triangles {
             let [a, b, c] = t.map(|k| DVec3::from_array(mesh.vertices[k as usize]));
@@ -169,7 +166,7 @@ fn the_nearest_triangle_is_the_nearest_of_all() {
     }
 }
 
-/// Flat splats on all that the training views see, a little larger than their pixels.
+/// Flat splats on all surfaces that the training views see, a little larger than their pixels.
 fn model_of_the_truth(root: &Path, data: &Dataset) -> Gaussians {
     let mut rows: Vec<(DVec3, DVec3, f64)> = Vec::new();
     for view in &data.views {
@@ -208,8 +205,8 @@ fn compare(gpu: &Gpu, truth: &GeometryTruth, model: &Gaussians) -> Geometry {
     .unwrap()
 }
 
-/// A model on the surface is right; lowered by a metre it is wrong by that in depth and distance; what is added to it
-/// high above floats.
+/// A model on the surface has no error. Lowered by a metre, depth and distance are off by a metre. Added splats high
+/// above the surface are floaters.
 #[test]
 fn geometry_errors_of_a_moved_model_are_its_displacement() {
     let Some(gpu) = common::gpu() else { return };
@@ -247,7 +244,7 @@ fn geometry_errors_of_a_moved_model_are_its_displacement() {
     assert!(moved.depth_within_0_5_percent.unwrap() < 0.1 && moved.psnr_offpath != right.psnr_offpath);
     let distance = moved.surface_distance.unwrap();
     assert!((distance - 1.0).abs() < 0.02, "{distance} m");
-    // Further than 1 % of the extent, but for what is now inside of something.
+    // Farther off than 1 % of the extent, except for splats that are now inside an object.
     assert!(data.extent * 0.01 < 1.0 && moved.floaters.unwrap() > 0.8);
 
     // Half of the splats once more, 30 m above: about a third of the mass floats.
@@ -263,9 +260,9 @@ fn geometry_errors_of_a_moved_model_are_its_displacement() {
     let floating = mass(&more, n) / mass(&more, 0);
     let with = compare(&gpu, &truth, &more);
     assert!((with.floaters.unwrap() - floating).abs() < 2e-3 && floating > 0.2, "{with:?}, {floating}");
-    assert!(with.depth_median_error.unwrap() > 0.1, "what floats hides the ground");
+    assert!(with.depth_median_error.unwrap() > 0.1, "floaters do not hide the ground");
 
-    // A dataset without any of it gives nothing.
+    // A dataset without ground truth gives no metrics.
     for kind in ["depth", "normal", "offpath"] {
         std::fs::remove_dir_all(dir.path().join(kind)).unwrap();
     }
@@ -275,7 +272,7 @@ fn geometry_errors_of_a_moved_model_are_its_displacement() {
     assert_eq!(serde_json::to_string(&Geometry::default()).unwrap(), "{}");
 }
 
-/// Ground truth of another size is compared at its own; of another shape it is refused.
+/// Ground truth of another size is compared at its own size. Ground truth of another shape is refused.
 #[test]
 fn maps_of_another_size_are_used_and_of_another_shape_refused() {
     let Some(gpu) = common::gpu() else { return };

@@ -1,4 +1,4 @@
-//! The command.
+//! `psrgs-vk saliency`.
 
 use std::fs;
 use std::path::Path;

@@ -9,7 +9,7 @@ use crate::images::{distance, patch, waves};
 
 const STEP: f64 = 1e-4;
 
-/// A loss and its derivatives, by logits.
+/// A loss with its derivatives by logits.
 type Loss<'a> = &'a dyn Fn(&[f64]) -> (f64, Vec<f64>);
 
 /// The central difference of a function's values.
@@ -102,7 +102,7 @@ fn losses_far_out_stay_finite() {
 fn the_network_by_its_parameters() {
     let mut network = Network::new([0.3, -0.2], 11);
     let mut random = Random::new(12);
-    // Away from the start, where most of the gradient is 0.
+    // Away from the initial parameters, at which most of the gradient is 0.
     network.parameters_mut().iter_mut().for_each(|p| *p += random.unit() - 0.5);
     let input: [f64; RINGS] = std::array::from_fn(|_| 4.0 * random.unit() - 2.0);
     let (a, b) = (0.7, -1.3);
@@ -117,6 +117,6 @@ fn the_network_by_its_parameters() {
         };
         let want = (moved(STEP) - moved(-STEP)) / (2.0 * STEP);
         assert!((found - want).abs() < 1e-7, "parameter {k}: {found} and {want}");
-        assert!(want != 0.0, "parameter {k} does nothing");
+        assert!(want != 0.0, "parameter {k} has no gradient");
     }
 }

@@ -1,4 +1,4 @@
-//! Images to look at.
+//! Made-up images.
 
 use psrgs_vk::saliency::Plane;
 use psrgs_vk::scene::random::Random;
@@ -14,8 +14,8 @@ pub fn drawn(width: u32, height: u32, mut f: impl FnMut(f64, f64) -> f64) -> Pla
     Plane::new(width, height, values).expect("an image")
 }
 
-/// Waves of random direction and phase whose amplitudes fall with the frequency, as those of photographs do;
-/// they fit the sides.
+/// Waves of random direction and phase, with amplitudes that fall with the frequency as in photographs. All waves are
+/// periodic over the image.
 pub fn waves(width: u32, height: u32, seed: u64) -> Plane {
     let mut random = Random::new(seed);
     let (w, h) = (f64::from(width), f64::from(height));
@@ -32,7 +32,7 @@ pub fn waves(width: u32, height: u32, seed: u64) -> Plane {
     })
 }
 
-/// Soft light and shade with a square of noise in it: the left upper corner of the square, and its side.
+/// Soft light and shade with a square of noise, whose upper left corner is `at`.
 pub fn patch(width: u32, height: u32, at: (f64, f64), side: f64, seed: u64) -> Plane {
     let mut random = Random::new(seed);
     drawn(width, height, |x, y| {
@@ -42,12 +42,12 @@ pub fn patch(width: u32, height: u32, at: (f64, f64), side: f64, seed: u64) -> P
     })
 }
 
-/// The pixel that an image of this size has at (x, y).
+/// Index of the pixel (x, y).
 pub fn index(plane: &Plane, x: u32, y: u32) -> usize {
     (y * plane.width() + x) as usize
 }
 
-/// The largest difference.
+/// The largest absolute difference.
 pub fn distance(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)

@@ -1,4 +1,4 @@
-//! Sigma is learned: to within a tenth of the best loss that a search over a grid finds, from wherever it starts.
+//! Learning sigma: from every start, the loss comes within a tenth of the best loss of a grid search.
 
 use psrgs_vk::saliency::{
     Agreement, Curve, Error, Features, LearnSettings, MaskTarget, Plane, Renders, Settings, SigmaLearner, Spectrum,
@@ -9,13 +9,13 @@ use crate::images::{drawn, patch, waves};
 
 const UPDATES: usize = 150;
 
-/// Quick learning, for images of which only a few dozen updates are made.
+/// Fast learning, for images with only a few dozen updates.
 fn quick(start: f64) -> LearnSettings {
     LearnSettings { start, rate: 0.03, ..LearnSettings::default() }
 }
 
-/// An image with a target that a mask of sigma `at` comes nearest to (or nearly so: the share of the target is
-/// another), and the loss over sigma.
+/// An image, a target whose best mask has a sigma near `at` (only near, because the share of the target differs), and
+/// the loss over sigma.
 struct Case {
     spectrum: Spectrum,
     target: MaskTarget,
@@ -30,7 +30,7 @@ fn case(image: &Plane, at: f64) -> Case {
     Case { spectrum, target, curve }
 }
 
-/// Three images whose best sigma are far apart, if `third` is large.
+/// Three images whose best sigmas are far apart, if `third` is large.
 fn cases(third: f64) -> [Case; 3] {
     [case(&waves(72, 54, 1), 3.0), case(&waves(72, 60, 21), 6.0), case(&waves(60, 72, 5), third)]
 }
@@ -52,7 +52,7 @@ fn trained_by(case: &Case, settings: &LearnSettings) -> f64 {
     learner.choose(case.spectrum.features()).sigma
 }
 
-/// The loss at a sigma over the best one, minus 1.
+/// The loss at a sigma over the best loss, minus 1.
 fn above(case: &Case, sigma: f64) -> f64 {
     let best = case.curve.best().expect("a point").1;
     case.curve.loss(sigma).expect("a loss") / best - 1.0
@@ -66,7 +66,7 @@ fn every_start_leads_to_the_best_sigma() {
         for sigma in ends {
             assert!(above(case, sigma) < 0.1, "image {i}: {ends:?}: {sigma} is {} above", above(case, sigma));
         }
-        // Without learning it would not be so.
+        // Without learning, some starts are far from the best loss.
         let worst = starts.map(|start| above(case, start)).into_iter().fold(0.0, f64::max);
         assert!(worst > 0.3, "image {i}: {worst}");
         let verdict = agreement(&case.curve, &ends, 0.2, 0.01).expect("a verdict");
@@ -74,8 +74,8 @@ fn every_start_leads_to_the_best_sigma() {
     }
 }
 
-/// A loss over sigma can have two valleys. Steps downhill alone end in the nearer one, and the verdict says so; with an
-/// outlook over the whole range they end in the deeper one.
+/// A loss over sigma can have two minima. Gradient steps alone end in the nearer minimum, and the verdict says so. With
+/// samples of the whole range they end in the lower minimum.
 #[test]
 fn a_hill_between_two_valleys_does_not_hold_learning_up() {
     let [_, _, case] = cases(10.0);
@@ -106,12 +106,12 @@ fn one_network_tells_images_apart() {
         let sigma = learner.choose(case.spectrum.features()).sigma;
         assert!(above(case, sigma) < 0.1, "image {i}: {sigma} is {} above", above(case, sigma));
     }
-    // No sigma is good for all of them.
+    // No single sigma is good for all images.
     let all = |sigma: f64| cases.iter().map(|c| above(c, sigma)).fold(0.0, f64::max);
     assert!(spaced(0.5, 12.0, 40).into_iter().all(|sigma| all(sigma) > 0.1));
 }
 
-/// A training of 1,500 steps has two or three updates of an image, between those of all others.
+/// A training of 1,500 steps has two or three updates per image, between those of all others.
 #[test]
 fn three_updates_of_each_of_many_images_are_enough() {
     let images: Vec<Case> =
@@ -253,7 +253,7 @@ fn a_curve_says_when_sigma_does_not_matter() {
         assert!((found - loss).abs() < 1e-12, "{sigma}: {found}");
     }
     assert_eq!(steep.rise(1.0, 4.0), Some(1.0));
-    // The dip between two equal ends counts.
+    // A minimum between two equal ends counts.
     assert!((steep.rise(1.0, 2.0_f64.powf(1.5)).expect("a rise") - 0.5).abs() < 1e-12);
     let flat = Curve::new(vec![(1.0, 1.0), (2.0, 1.004), (4.0, 1.002)]);
     let judge = |curve: &Curve, trained: &[f64]| agreement(curve, trained, 0.2, 0.01);

@@ -1,11 +1,11 @@
-//! Maps and masks of images that are hard, and what must not change them.
+//! Maps and masks of hard images, and their invariances.
 
 use psrgs_vk::saliency::{Border, Gate, Plane, Settings, Spectrum};
 use psrgs_vk::scene::random::Random;
 
 use crate::images::{distance, drawn, index, patch, waves};
 
-/// Images that have brought down other programs, each with its name.
+/// Images that have broken other programs, each with its name.
 fn hard() -> Vec<(&'static str, Plane)> {
     let mut random = Random::new(3);
     let constant = |width, height, value: f32| {
@@ -124,13 +124,13 @@ fn brightness_and_contrast_have_no_part_in_it() {
 #[test]
 fn a_quarter_turn_turns_the_map() {
     let image = waves(45, 32, 9);
-    // The row of a pixel from below becomes its column.
+    // The row, counted from below, becomes the column.
     let turned = |values: &[f64]| -> Vec<f64> {
         (0..45).flat_map(|y| (0..32).map(move |x| values[(31 - x) * 45 + y])).collect()
     };
     let values: Vec<f64> = image.values().iter().map(|v| f64::from(*v)).collect();
     let other = Plane::new(32, 45, turned(&values).iter().map(|v| *v as f32).collect()).expect("an image");
-    // The padding is symmetric only where it is even.
+    // Padding is symmetric only where it is even.
     let settings = Settings { border: Border::Periodic, ..Settings::default() };
     for sigma in [0.0, 3.0, 12.0] {
         let error = distance(&turned(&map(&image, sigma, &settings)), &map(&other, sigma, &settings));
@@ -145,7 +145,7 @@ fn without_a_filter_the_phase_alone_is_left() {
     let of = |gate: Gate, sigma| gate.mask(&image, sigma, 0, &settings).expect("a mask");
     assert_eq!(of(Gate::Spectral, 0.0), of(Gate::Phase, 7.0));
     assert_ne!(of(Gate::Spectral, 3.0), of(Gate::Phase, 3.0));
-    // And it is approached, as sigma falls.
+    // The map converges to that of the phase as sigma falls.
     let near = distance(&map(&image, 1e-3, &settings), &map(&image, 0.0, &settings));
     assert!(near < 1e-4, "{near}");
 }

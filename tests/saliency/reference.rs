@@ -1,4 +1,4 @@
-//! A map and a mask from the formulas, by sums over all pairs of pixels and frequencies, against the quick ones.
+//! Maps and masks from the formulas, by sums over all pairs of pixels and frequencies, against the fast ones.
 
 use std::f64::consts::{PI, TAU};
 
@@ -31,12 +31,12 @@ fn slow_transform(values: &[C], w: usize, h: usize, sign: f64) -> Vec<C> {
     out
 }
 
-/// A Gaussian of `s` bins on a circle of `n` bins: the sum over all turns.
+/// A Gaussian of `s` bins on a circle of `n` bins: the sum over all periods.
 fn wrapped(d: usize, n: usize, s: f64) -> f64 {
     (-40..=40).map(|turn| (-0.5 * ((d as f64 + f64::from(turn) * n as f64) / s).powi(2)).exp()).sum()
 }
 
-/// The average of each bin's neighbours on the torus.
+/// The weighted average of each bin's neighbours on the torus.
 fn slow_average(values: &[f64], w: usize, h: usize, sigma: f64) -> Vec<f64> {
     let weights = |n: usize| -> Vec<f64> { (0..n).map(|d| wrapped(d, n, sigma * n as f64 / 256.0)).collect() };
     let (across, down) = (weights(w), weights(h));
@@ -64,7 +64,7 @@ fn fold(i: i64, n: usize) -> usize {
     i as usize
 }
 
-/// The image in the middle of a larger one that fades to the mean: values, weights, and where it begins.
+/// The image in the middle of a larger image that fades to the mean: values, and the position of the original.
 fn padded(image: &Plane, size: (usize, usize)) -> (Vec<C>, (usize, usize)) {
     let (w, h) = (image.width() as usize, image.height() as usize);
     let at = ((size.0 - w) / 2, (size.1 - h) / 2);
@@ -145,7 +145,7 @@ fn slow(image: &Plane, padded_size: (usize, usize), sigma: f64, settings: &Setti
 
 #[test]
 fn maps_and_masks_are_those_of_the_formulas() {
-    // Blurs of a few pixels although the image is small. 20 + 2 x 2 = 24 and 13 + 2 x 1 = 15 have no factor above 5.
+    // Blurs of a few pixels also on a small image. 20 + 2 x 2 = 24 and 13 + 2 x 1 = 15 have no prime factor above 5.
     let settings = Settings { blur: 25.0, ..Settings::default() };
     let image = waves(20, 13, 5);
     for sigma in [45.0, 60.0, 110.0] {
@@ -157,7 +157,7 @@ fn maps_and_masks_are_those_of_the_formulas() {
     }
 }
 
-/// Also on the torus without padding, where the Gaussian is narrower than a bin: there it is given by its transform.
+/// Also on the torus without padding, for Gaussians narrower than a bin, which are defined by their transform.
 #[test]
 fn narrow_filters_are_those_of_the_transform() {
     let settings = Settings { border: Border::Periodic, blur: 0.0, ..Settings::default() };

@@ -1,6 +1,6 @@
-//! What decides whether a splat shows in a pixel or in a tile must come out alike in every kernel that asks. So its
-//! arithmetic may not be contracted into fused operations, which `precise` forbids:
-//! each operation of it carries NoContraction in the SPIR-V.
+//! Whether a splat shows in a pixel or a tile must come out alike in every kernel that decides it. So the arithmetic of
+//! these decisions may not be contracted into fused operations. `precise` forbids contraction: each operation has
+//! NoContraction in the SPIR-V.
 
 use std::collections::{HashMap, HashSet};
 
@@ -32,16 +32,16 @@ fn ids(instruction: &Instruction) -> Vec<u32> {
 /// A value, or a component of it.
 type Part = (u32, Vec<u32>);
 
-/// Where in a variable, and what was kept there.
+/// A position in a variable, and the value that was stored there.
 type Kept = (Vec<Option<u32>>, u32);
 
-/// A module as what its values are made of.
+/// A module with the origins of its values.
 struct Flow<'a> {
     module: &'a Module,
     made: HashMap<u32, &'a Instruction>,
-    /// What is stored in variables of the shader, with the place in them; `None` is any element.
+    /// Values stored in variables of the shader, with their position; `None` stands for any element.
     kept: HashMap<u32, Vec<Kept>>,
-    /// Parts of what is written to buffers.
+    /// Parts of values that are written to buffers.
     written: HashSet<Part>,
     precise: HashSet<u32>,
 }
@@ -67,7 +67,7 @@ impl<'a> Flow<'a> {
         flow
     }
 
-    /// The shader's own variable that a pointer leads into, and where; `None` for buffers.
+    /// The shader's variable that a pointer leads into, with the position; `None` for buffers.
     fn place(&self, pointer: u32) -> Option<(u32, Vec<Option<u32>>)> {
         let i = self.made.get(&pointer)?;
         match i.class.opcode {
@@ -88,7 +88,7 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// Components of a vector, 1 for what is none.
+    /// Number of components: of a vector, else 1.
     fn components(&self, value: u32) -> Option<u32> {
         let kind = self.made.get(&self.made[&value].result_type?)?;
         (kind.class.opcode == Op::TypeVector).then(|| word(&kind.operands[1]))
@@ -98,7 +98,7 @@ impl<'a> Flow<'a> {
         self.components(value).map_or(vec![(value, vec![])], |n| (0..n).map(|c| (value, vec![c])).collect())
     }
 
-    /// One step through what only puts values together or takes them apart.
+    /// One step back through an operation that only composes or extracts values.
     fn through(&self, (value, at): &Part) -> Option<Part> {
         let i = self.made[value];
         match i.class.opcode {
@@ -146,7 +146,7 @@ impl<'a> Flow<'a> {
         part
     }
 
-    /// All operations whose results a value depends on, back to what is read from or written to buffers.
+    /// All operations on whose results a value depends, back to reads and writes of buffers.
     fn behind(&self, value: u32) -> Vec<&'a Instruction> {
         let (mut found, mut seen) = (HashMap::new(), HashSet::new());
         let mut open = self.parts(value);
@@ -178,7 +178,7 @@ impl<'a> Flow<'a> {
                         }
                     }
                 }
-                // The values, not the blocks that they come from.
+                // The values alone, not their blocks.
                 Op::Phi => open.extend(ids(i).into_iter().step_by(2).map(|v| (v, at.clone()))),
                 Op::Select => {
                     let [condition, yes, no] = ids(i)[..] else { panic!("{i:?}") };
@@ -198,7 +198,7 @@ impl<'a> Flow<'a> {
         found.into_values().collect()
     }
 
-    /// Shared words: what all shuffles of emulated subgroups go through, one after the other.
+    /// Whether the variable is the shared array through which all shuffles of emulated subgroups pass.
     fn passes_words(&self, variable: u32) -> bool {
         let pointer = self.made[&self.made[&variable].result_type.unwrap()];
         let pointee = self.made[&id(&pointer.operands[1])];
@@ -216,7 +216,7 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// Values that decide: what becomes the number of a tile and, where `compared`, what is compared with a threshold.
+    /// Values that decide: those that become a tile's number and, with `compared`, those compared with a threshold.
     fn decisions(&self, compared: bool) -> Vec<u32> {
         let mut found = Vec::new();
         for i in instructions(self.module) {
@@ -255,7 +255,7 @@ impl Flow<'_> {
         !self.precise.contains(&i.result_id.unwrap())
     }
 
-    /// Whether a sum may be made one operation with a product that it is of: where neither is decorated.
+    /// Whether a sum may be fused with a product that it adds: neither has NoContraction.
     fn may_contract(&self, i: &Instruction) -> bool {
         let sums = match i.class.opcode {
             Op::FAdd | Op::FSub => self.is_loose(i),
@@ -287,11 +287,11 @@ fn what_decides_is_not_contracted() {
             let module = load_bytes(spirv).unwrap();
             let flow = Flow::new(&module);
             let mut decides = HashMap::new();
-            // The projection's own comparisons are not asked again by another kernel.
+            // No other kernel repeats the projection's own comparisons.
             for value in flow.decisions(!PROJECTIONS.contains(&kernel.name)) {
                 decides.extend(flow.behind(value).into_iter().map(|i| (i.result_id, i)));
             }
-            // Sums of products, of which the exponent's two squares or the ends of a tile's row are some.
+            // Sums of products, such as the exponent's two squares and the ends of a tile's row.
             let sums = |i: &&Instruction| matches!(i.class.opcode, Op::FAdd | Op::FSub);
             let sums_of_products = decides
                 .values()

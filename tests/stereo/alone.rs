@@ -1,15 +1,15 @@
-//! Surfaces continued to where few or no views look.
+//! Surfaces that are continued where few or no views look.
 
 use psrgs_vk::scene::Camera;
 use psrgs_vk::stereo::{FusedPoint, InitialPlanes, Prior, SkirtPoint, View, extend, skirt, surface, surface_of_points};
 
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
-/// The ground is where z = SLOPE x, and cameras look down on it from this height.
+/// The ground is the plane z = SLOPE x; cameras look down from the height ABOVE.
 const SLOPE: f64 = 0.2;
 const ABOVE: f64 = 5.0;
 
-/// A camera above x that looks down: x to the right, y towards the top of the picture.
+/// A camera above (x, y) that looks down: x to the right, y towards the top of the photograph.
 fn camera(x: f64, y: f64) -> Camera {
     let rotation = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
     Camera {
@@ -24,7 +24,7 @@ fn camera(x: f64, y: f64) -> Camera {
     }
 }
 
-/// Depth of the ground at a place in the picture.
+/// Depth of the ground at a pixel position.
 fn depth(camera: &Camera, u: f64, v: f64) -> f64 {
     let [x, _, z] = camera.center();
     let (a, _) = ((u - camera.cx) / camera.fx, v);
@@ -49,7 +49,7 @@ fn middle(pixel: usize) -> (f64, f64) {
     ((pixel % WIDTH as usize) as f64 + 0.5, (pixel / WIDTH as usize) as f64 + 0.5)
 }
 
-/// Views of the ground, whose depths are known, times what `wrong` says of the pixel, where three views and more look.
+/// Views of the ground. Depths are known where three or more views look, multiplied by `wrong` of the pixel.
 fn views(at: &[(f64, f64)], wrong: impl Fn(usize) -> f64) -> (Vec<View>, Vec<Prior>) {
     let cameras: Vec<Camera> = at.iter().map(|&(x, y)| camera(x, y)).collect();
     let pixels = (WIDTH * HEIGHT) as usize;
@@ -106,7 +106,7 @@ fn a_plane_goes_on_where_one_or_two_views_look() {
     for most in [1, 2] {
         let points = extend(&views, &priors, most);
         points.iter().for_each(lies_on_the_ground);
-        // Not all that is lifted falls on the same side of an edge again.
+        // Some points fall on the other side of a photograph's edge.
         let wrong = points.iter().filter(|p| !(1..=most).contains(&looking(p))).count();
         assert!(50 * wrong < points.len(), "{wrong} of {}", points.len());
         counts.push(points.len());
@@ -122,7 +122,7 @@ fn a_plane_goes_on_where_one_or_two_views_look() {
         })
         .sum();
     assert!((alone.abs_diff(counts[0])) * 50 < alone, "{alone} pixels, {} points", counts[0]);
-    // What two views look at is used once.
+    // Places that two views see are used once.
     let shared = (all - alone) as f64 / 2.0;
     let added = (counts[1] - counts[0]) as f64;
     assert!((added / shared - 1.0).abs() < 0.1, "{added} points of {shared} places");
@@ -133,13 +133,13 @@ fn a_plane_goes_on_where_one_or_two_views_look() {
 fn neither_masked_pixels_nor_rough_surfaces_go_on() {
     let (mut views, priors) = views(&ROW, |_| 1.0);
     let whole = extend(&views, &priors, 1).len();
-    // The left half of every picture.
+    // The left half of every photograph is masked.
     for view in &mut views {
         view.wanted = Some((0..view.pixels()).map(|p| middle(p).0 > 0.5 * f64::from(WIDTH)).collect());
     }
     let half = extend(&views, &priors, 1);
     assert!(!half.is_empty() && half.len() < whole);
-    assert!(half.iter().all(|p| u32::from(p.colour[0]) >= WIDTH / 2), "colours say where a point is from");
+    assert!(half.iter().all(|p| u32::from(p.colour[0]) >= WIDTH / 2), "a point comes from a masked pixel");
     let jitter = |p: usize| 1.0 + 0.05 * ((p * 7919 % 101) as f64 / 50.0 - 1.0);
     let (views, priors) = self::views(&ROW, jitter);
     assert!(extend(&views, &priors, 2).is_empty(), "depths that vary by some hundredths");
@@ -149,7 +149,7 @@ fn neither_masked_pixels_nor_rough_surfaces_go_on() {
         prior.depth.truncate(40);
     }
     assert!(extend(&views, &priors, 2).is_empty() && skirt(&views, &priors, 0.25).is_empty());
-    // Nothing is known, or hardly anything.
+    // No depth is known, or almost none.
     let (views, mut priors) = self::views(&ROW, |_| 1.0);
     for prior in &mut priors {
         prior.depth.iter_mut().skip(40).for_each(|d| *d = 0.0);
@@ -165,11 +165,11 @@ fn a_skirt_lies_on_the_ground_where_no_view_looks() {
     for p in &points {
         lies_on_the_ground(&p.point);
         assert!(!views.iter().any(|v| seen_by(&v.camera, p.point.position)), "{p:?}");
-        // At most a quarter of the longer side, 24 pixels of about ABOVE / 80, beyond the row.
+        // At most a quarter of the longer side beyond the photographs: 24 pixels of about ABOVE / 80.
         let [x, y, _] = p.point.position;
         assert!((-5.5..9.5).contains(&x) && y.abs() < 5.0, "{p:?}");
     }
-    // Of 8 pixels beside a picture, of 16 farther off.
+    // Spacing of 8 pixels beside a photograph, of 16 farther off.
     let steps: Vec<f64> = points.iter().map(|p| p.spacing / (ABOVE / 80.0)).collect();
     assert!(steps.iter().all(|step| (8.0 / 1.5..16.0 * 1.5).contains(step)), "{steps:?}");
     for (i, p) in points.iter().enumerate() {
@@ -177,11 +177,11 @@ fn a_skirt_lies_on_the_ground_where_no_view_looks() {
             |q: &FusedPoint| (0..3).map(|k| (p.point.position[k] - q.position[k]).powi(2)).sum::<f64>().sqrt();
         assert!(points[..i].iter().all(|q| distance(&q.point) > 0.5 * p.spacing), "{p:?}");
     }
-    // To the left of the row colours are those of the left edge.
+    // To the left of the row, points have the colours of the left edge.
     let left = points.iter().filter(|p| p.point.position[0] < -3.3);
     assert!(left.clone().count() > 3 && left.into_iter().all(|p| p.point.colour[0] < 16));
     assert!(skirt(&views, &priors, 0.0).is_empty());
-    // Of which little is known there is none, unless what is not known is masked.
+    // Photographs with few known depths have no skirt, unless pixels without depth are masked.
     let (mut views, mut priors) = self::views(&ROW, |_| 1.0);
     for prior in &mut priors {
         let left = |pixel: usize| pixel % (prior.width as usize) < prior.width as usize / 4;
@@ -198,7 +198,7 @@ fn a_skirt_lies_on_the_ground_where_no_view_looks() {
 fn many_views_from_one_place_count_as_one_photograph() {
     let filled = |at: &[(f64, f64)], wrong: f64| {
         let (views, mut priors) = views(at, |_| 1.0);
-        // The last three see something else there.
+        // The last three views see another surface in the same place.
         priors[at.len() - 3..].iter_mut().flat_map(|p| &mut p.depth).for_each(|d| *d *= wrong as f32);
         surface(&views, &priors)
     };
@@ -206,12 +206,12 @@ fn many_views_from_one_place_count_as_one_photograph() {
     assert!((filled(&here, 1.0) - 1.0).abs() < 1e-9);
     assert!((filled(&[here, here].concat(), 1.0) - 1.0).abs() < 1e-9);
     assert!((filled(&[here, there].concat(), 1.0) - 2.0).abs() < 1e-9);
-    assert!((filled(&[here, here].concat(), 0.5) - 2.0).abs() < 1e-9, "what hides the rest is a surface of its own");
-    // Half a picture further: half of it is new.
+    assert!((filled(&[here, here].concat(), 0.5) - 2.0).abs() < 1e-9, "a nearer surface does not count of its own");
+    // Moved by half a photograph: half of the surface is new.
     let half = 0.5 * f64::from(HEIGHT) * ABOVE / 80.0;
     let more = filled(&[here, [(0.0, half); 3]].concat(), 1.0);
     assert!((more - 1.5).abs() < 0.1, "{more}");
-    // Of a photograph whose lower half is masked the upper half is all there is.
+    // The upper half is the whole photograph where the lower half is masked.
     let (mut masked, mut priors) = views(&here, |_| 1.0);
     for (view, prior) in masked.iter_mut().zip(&mut priors) {
         let half = view.pixels() / 2;
@@ -219,7 +219,7 @@ fn many_views_from_one_place_count_as_one_photograph() {
         prior.depth[half..].fill(0.0);
     }
     assert!((surface(&masked, &priors) - 1.0).abs() < 1e-9);
-    // The same by points, before depths are known.
+    // As above by points, before depths are known.
     let ground: Vec<[f64; 3]> = (-40..40)
         .flat_map(|y| (-40..40).map(move |x| [0.1 * f64::from(x), 0.3 * f64::from(y), 0.02 * f64::from(x)]))
         .collect();
@@ -231,8 +231,8 @@ fn many_views_from_one_place_count_as_one_photograph() {
     assert!((by_points(&[here, [(0.0, 8.0); 3]].concat()) - 2.0).abs() < 1e-9);
     assert!((by_points(&[here, [(0.0, half); 3]].concat()) - 1.5).abs() < 0.1);
     assert_eq!((surface_of_points(&[], &ground), surface_of_points(&[camera(0.0, 0.0)], &[])), (0.0, 0.0));
-    // A pixel of which nothing is known may show the same; a view of which nothing is known says nothing,
-    // nor does one of another size.
+    // A pixel without depth may show the same surface. A view without depths, or with a prior of another size, has no
+    // effect.
     let (these, mut priors) = self::views(&[here, here].concat(), |_| 1.0);
     priors[3..].iter_mut().for_each(|p| p.depth[1..].fill(0.0));
     assert!((surface(&these, &priors) - 0.5).abs() < 0.01);
@@ -249,7 +249,7 @@ fn many_views_from_one_place_count_as_one_photograph() {
 fn a_skirt_is_coarser_farther_off() {
     let (views, priors) = views(&ROW, |_| 1.0);
     let points = skirt(&views, &priors, 0.5);
-    // Above and below the row, where the ground is level: 24 pixels of ABOVE / 80 beside the pictures, and beyond.
+    // Above and below the row, where the ground is level: 24 pixels of ABOVE / 80 beside the photographs, and beyond.
     let pixel = |p: &SkirtPoint| {
         let [x, y, z] = p.point.position;
         (x > -2.0 && x < 5.6).then(|| (y.abs() * 80.0 / (ABOVE - z) - 36.0, p.spacing * 80.0 / (ABOVE - z)))
@@ -270,7 +270,7 @@ fn a_view_beyond_many_that_stand_nearer_looks_all_the_same() {
     let (mut views, mut priors) = self::views(&at, |_| 1.0);
     let without = skirt(&views[..ROW.len()], &priors[..ROW.len()], 0.25);
     let far = views[ROW.len()].camera;
-    assert!(without.iter().any(|p| seen_by(&far, p.point.position)), "else there is nothing to see");
+    assert!(without.iter().any(|p| seen_by(&far, p.point.position)), "the far view sees no point");
     for _ in 0..150 {
         views.push(views[0].clone());
         priors.push(priors[0].clone());
@@ -283,8 +283,8 @@ fn a_view_beyond_many_that_stand_nearer_looks_all_the_same() {
 #[test]
 fn a_skirt_continues_rough_ground_that_extension_leaves_out() {
     let spread = |share: f64| move |p: usize| 1.0 + share * ((p * 7919 % 101) as f64 / 50.0 - 1.0);
-    // Three hundredths of the distance, as buildings of 5 m are from 100 m above:
-    // no splats that photographs look at, but a skirt.
+    // Depths vary by 3 % or so, as over buildings of 5 m from 100 m above: no splats in view of photographs, but a
+    // skirt.
     let (views, priors) = views(&ROW, spread(0.05));
     assert!(extend(&views, &priors, 1).is_empty());
     let points = skirt(&views, &priors, 0.25);
@@ -295,5 +295,5 @@ fn a_skirt_continues_rough_ground_that_extension_leaves_out() {
         assert!((z - SLOPE * x).abs() < 0.05 * ABOVE, "{p:?}");
     }
     let (views, priors) = self::views(&ROW, spread(0.5));
-    assert!(skirt(&views, &priors, 0.25).is_empty(), "depths that vary by a third say nothing");
+    assert!(skirt(&views, &priors, 0.25).is_empty(), "depths that vary by a third have a skirt");
 }

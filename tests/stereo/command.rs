@@ -66,7 +66,7 @@ fn maps_and_a_cloud_are_written_and_training_begins_with_it() {
             }
         }
     }
-    // Few and small photographs: enough of them has a depth, in the dataset's units.
+    // Few and small photographs: most pixels have a depth, in the dataset's units.
     off.sort_by(f32::total_cmp);
     assert!(known > 9 * 96 * 72 / 10, "{known} depths; {said}");
     assert!(off[off.len() / 2] < 0.02, "{}", off[off.len() / 2]);
@@ -93,7 +93,7 @@ fn maps_and_a_cloud_are_written_and_training_begins_with_it() {
     assert!(digits.contains(&format!("{} splats to begin with", cloud.positions.len())), "{said}");
 }
 
-/// From one place no depth can be told: that is said, and nothing fails.
+/// Photographs from one place have no depth: the command reports it and succeeds.
 #[test]
 fn photographs_from_one_place_are_named_and_left_out() {
     if common::gpu().is_none() {
@@ -139,7 +139,7 @@ fn wrong_options_and_missing_data_have_their_exit_codes() {
     let (usage, said) = code(&["stereo", "/nowhere/at/all", "--window", "9"]);
     assert_eq!(usage, Some(2), "{said}");
     assert!(said.contains("taps"), "{said}");
-    // More to agree than are looked at left nothing, and ended well.
+    // More views must agree than are checked: a usage error.
     let (usage, said) = code(&["stereo", "/nowhere/at/all", "--agree", "5", "--checks", "4"]);
     assert_eq!(usage, Some(2), "{said}");
     assert!(said.contains("--agree") && said.contains("--checks"), "{said}");

@@ -1,10 +1,10 @@
-//! What stereo costs, and how it is made to fit.
+//! The cost of stereo, and settings that fit a budget.
 
 use psrgs_vk::stereo::{Budget, Settings};
 use psrgs_vk::train::{self, stereo_settings};
 
-/// What stereo takes follows from the steps: short trainings on many photographs have less of it,
-/// and those that were measured all.
+/// The cost of stereo is limited by the steps: short trainings on many photographs reduce settings, and the measured
+/// trainings do not.
 #[test]
 fn stereo_fits_the_time_of_the_steps() {
     let taken = |views: usize, size: (u32, u32), iterations: u32, share: f64| {
@@ -27,7 +27,7 @@ fn stereo_fits_the_time_of_the_steps() {
         before = samples;
     }
     assert!(before < 0.2 * taken(2000, (1600, 1200), 30_000, 0.12).0, "{before}");
-    // However few the steps, a few seconds are there.
+    // Stereo has a few seconds, however few the steps.
     assert_eq!(taken(9, (96, 72), 1, 0.12).1.max_side, train::Settings::default().geometry.stereo_side.min(96));
     assert_eq!(stereo_settings(&train::Settings::default(), []), train::Settings::default().geometry.stereo());
 }
@@ -65,7 +65,7 @@ fn samples_are_counted_and_settings_made_to_fit() {
     }
     let little = Budget { samples: 0.3 * all }.fitting(&settings, 160, 10, 640, 480);
     assert!(little.max_side >= 160 && little.iterations == 2 && little.sources == 3);
-    // Nothing is too little: it gets as cheap as it can.
+    // With a budget of nothing, settings are as cheap as possible.
     let least = Budget { samples: 0.0 }.fitting(&settings, 160, 10, 640, 480);
     assert_eq!((least.max_side, least.sources, least.iterations, least.rounds), (16, 2, 1, 0));
 }

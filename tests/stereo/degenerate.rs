@@ -1,4 +1,4 @@
-//! Input of which nothing can be made.
+//! Degenerate input.
 
 use glam::DVec3;
 use psrgs_vk::stereo::{Error, InitialPlanes, Matcher, Prior, Settings, View, fuse};

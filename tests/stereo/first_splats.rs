@@ -1,4 +1,4 @@
-//! What a model begins with on the surfaces that stereo has found.
+//! The first splats of a model on surfaces from stereo.
 
 use psrgs_vk::dataset::{Dataset, HostShare};
 use psrgs_vk::train::settings::{Density, DepthPrior};
@@ -8,7 +8,7 @@ use psrgs_vk::vk::Gpu;
 use super::common;
 use super::memory::world;
 
-/// What stereo finds for a training of the dataset, and what that begins with then.
+/// The report of stereo for a training of the dataset, and the training's input.
 fn found(gpu: &Gpu, dataset: &Dataset, settings: &train::Settings, begins: bool) -> (StereoReport, Input) {
     let share = HostShare::unlimited();
     let initial = prepare::initial(dataset, settings).expect("points");
@@ -17,8 +17,7 @@ fn found(gpu: &Gpu, dataset: &Dataset, settings: &train::Settings, begins: bool)
     (report, input)
 }
 
-/// Splats on surfaces differ from round ones of reconstructed points by just what is asked for,
-/// and those of the points by nothing.
+/// The settings of the shape change splats on surfaces alone, not the round splats of reconstructed points.
 #[test]
 fn splats_on_surfaces_begin_with_the_shape_that_is_asked_for() {
     let Some(gpu) = common::gpu() else { return };
@@ -65,10 +64,10 @@ fn surfaces_that_fill_many_photographs_begin_with_more_splats() {
     settings.geometry.stereo_densest = 150;
     assert_eq!([0.0, 0.5, 1.0, 2.0, 4.86].map(|surface| more(&settings, surface)), [0, 75, 150, 300, 486]);
     settings.geometry.stereo_densest = 0;
-    assert_eq!(splats_on_surfaces(1000, 4.86, 640.0, 2800, &settings), 400, "room is left to grow");
-    assert_eq!(splats_on_surfaces(1000, 4.86, 640.0, 10, &settings), 300, "which --stereo-splats does not ask for");
+    assert_eq!(splats_on_surfaces(1000, 4.86, 640.0, 2800, &settings), 400, "no room is left to grow");
+    assert_eq!(splats_on_surfaces(1000, 4.86, 640.0, 10, &settings), 300, "`stereo-splats` leaves no room");
     settings.density.max_splats = Some(2600);
-    assert_eq!(more(&settings, 4.86), 300, "room is left to grow");
+    assert_eq!(more(&settings, 4.86), 300, "no room is left to grow");
     settings.density.max_splats = Some(10);
     assert_eq!(more(&settings, 1e9), 0);
     settings.density.recycle_share = 0.2;
@@ -81,11 +80,11 @@ fn surfaces_that_fill_many_photographs_begin_with_more_splats() {
             4.86,
         )
     };
-    assert_eq!([2600, 1486].map(under), [486, 486], "what grows has the room of the lightest");
-    assert_eq!([900, 800, 10, 1].map(under), [450, 400, 5, 0], "points leave half");
+    assert_eq!([2600, 1486].map(under), [486, 486], "with recycling no room has to be left");
+    assert_eq!([900, 800, 10, 1].map(under), [450, 400, 5, 0], "surfaces get half of the limit");
 }
 
-/// Larger photographs show more of the same surface.
+/// Larger photographs show more detail of a surface.
 #[test]
 fn large_photographs_begin_with_more_splats() {
     assert_eq!(longer_side([(320, 240), (180, 360)]), 340.0);
@@ -100,21 +99,21 @@ fn large_photographs_begin_with_more_splats() {
     assert_eq!(of(&settings, 4.0, all), [400; 5], "as many at any size");
     settings.geometry.stereo_splats_for = 320;
     settings.run.iterations = 1750 * 13 * 13;
-    assert_eq!(of(&settings, 4.0, all), [400, 400, 400, 800, 5000], "as much surface as asks for them");
+    assert_eq!(of(&settings, 4.0, all), [400, 400, 400, 800, 5000], "the number depends on the surface");
     assert_eq!(of(&settings, 2.0, all), [300, 300, 300, 600, 3750], "--stereo-splats");
     assert_eq!(of(&settings, 1.0, all), [150, 150, 150, 300, 1875], "--stereo-densest");
-    assert_eq!(of(&settings, 4.0, 3200), [400, 400, 400, 600, 600], "room is left to grow");
-    assert_eq!(of(&settings, 2.0, 10), [300; 5], "which the size does not take");
+    assert_eq!(of(&settings, 4.0, 3200), [400, 400, 400, 600, 600], "no room is left to grow");
+    assert_eq!(of(&settings, 2.0, 10), [300; 5], "the size lowers the named number");
     for (steps, at_most) in [(100, 1.0), (1750, 1.0), (7000, 2.0), (28_000, 4.0)] {
         settings.run.iterations = steps;
         let times = [1.0, 1.0, 1.0, 2.0, 12.5].map(|times: f64| times.min(at_most));
         assert_eq!(of(&settings, 4.0, all), times.map(|times| (400.0 * times) as u32), "{steps} steps");
     }
     settings.density.max_splats = Some(2500);
-    assert_eq!(of(&settings, 4.0, all), [250; 5], "a limit is one at any size");
+    assert_eq!(of(&settings, 4.0, all), [250; 5], "the limit holds at any size");
 }
 
-/// A limit is one for what a training begins with too: points and surfaces, and points alone.
+/// The limit of splats also holds for the first splats: of points and surfaces, and of points alone.
 #[test]
 fn no_more_splats_begin_than_are_allowed() {
     let Some(gpu) = common::gpu() else { return };
@@ -132,7 +131,7 @@ fn no_more_splats_begin_than_are_allowed() {
     assert_eq!((report.splats, input.initial.len()), (points / 4, points / 2));
 }
 
-/// What stereo finds in a scene says how many splats there are, where that is asked for.
+/// With a density of splats, the surface that stereo finds decides their number.
 #[test]
 fn the_number_of_splats_goes_by_the_surface_that_was_found() {
     let Some(gpu) = common::gpu() else { return };
@@ -149,14 +148,14 @@ fn the_number_of_splats_goes_by_the_surface_that_was_found() {
     assert_eq!(begun(50, 0, true), (50, None));
     let (splats, surface) = begun(50, 1000, true);
     let surface = surface.expect("a surface");
-    // They overlap, and stereo at this size knows the depth of a part of their pixels.
+    // The photographs overlap, and stereo at this size finds a depth in a part of the pixels.
     assert!(surface > 0.2 && surface < 4.5, "{surface} of 9 photographs at most");
     assert_eq!(splats, (1000.0 * surface).round() as usize);
-    assert_eq!(begun(50, 1, true).0, 50, "that is the least");
-    assert_eq!(begun(50, 1000, false), (0, None), "where the model comes from elsewhere nothing is counted");
+    assert_eq!(begun(50, 1, true).0, 50, "the least number of splats");
+    assert_eq!(begun(50, 1000, false), (0, None), "without splats from stereo nothing is counted");
 }
 
-/// Pixels that the mask says are texture have no depth, and the others have it still.
+/// Pixels that the mask calls texture have no depth; the others keep theirs.
 #[test]
 fn texture_is_left_out_where_that_is_asked_for() {
     let Some(gpu) = common::gpu() else { return };

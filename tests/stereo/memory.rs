@@ -1,4 +1,4 @@
-//! Photographs are decoded in turns, within a share of the host's memory, and what comes of them is the same.
+//! Photographs are decoded in turns within a share of the host's memory, and results do not depend on the share.
 
 use std::sync::Mutex;
 
@@ -37,7 +37,7 @@ fn what_is_being_decoded_stays_within_the_share() {
     let all = Scene::of(&dataset, &settings, &HostShare::unlimited(), dataset_photograph).expect("decoded");
     assert_eq!(all.views.len(), 9);
     for (room, threads) in [(1, 4), (largest, 4), (2 * largest + 5, 4), (9 * largest, 1)] {
-        // Bytes inside, and the most that there were.
+        // Bytes being decoded, and their peak.
         let inside = Mutex::new((0_u64, 0_u64));
         let share = HostShare { keep: 0, decoding: room, threads };
         let scene = Scene::of(&dataset, &settings, &share, |view| {
@@ -56,7 +56,7 @@ fn what_is_being_decoded_stays_within_the_share() {
         assert!(most > 0 && most <= room.max(largest), "{most} bytes at a time of {room}, on {threads} threads");
         assert!(scene == all, "the views differ");
     }
-    // What stays of them is what is counted, and far from what the photographs take.
+    // The views take the planned bytes, far less than the photographs.
     let sizes = || dataset.views.iter().map(|view| (view.camera.width, view.camera.height));
     let room = MemoryEstimate::of(&settings, sizes());
     let views: u64 = all.views.iter().map(held).sum();
@@ -71,7 +71,7 @@ fn dataset_photograph(
     view.photograph()
 }
 
-/// A file that is damaged is told by its name, whichever thread finds it.
+/// The first damaged file is named, whichever thread finds it.
 #[test]
 fn the_first_damaged_photograph_is_the_one_that_is_told() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -87,7 +87,7 @@ fn the_first_damaged_photograph_is_the_one_that_is_told() {
     }
 }
 
-/// Kept decoded, compressed, or read again: the same depths.
+/// Photographs that are kept decoded, kept compressed, or read again give equal depths.
 #[test]
 fn depths_to_train_with_do_not_depend_on_where_photographs_are() {
     let Some(gpu) = common::gpu() else { return };

@@ -6,16 +6,16 @@ use psrgs_vk::stereo::{FusedPoint, InitialPlanes, Matcher, Prior, Settings, fuse
 use super::common;
 use super::site::{Sheet, Truth, cross, views};
 
-/// Settings for the pictures of these tests.
+/// Settings for the small photographs of these tests.
 fn settings() -> Settings {
     Settings { max_side: 1000, ..Settings::default() }
 }
 
 #[derive(Debug, Default)]
 struct Score {
-    /// Mean relative error of the depth where there is one.
+    /// Mean relative error of known depths.
     error: f64,
-    /// Share of the pixels that have one.
+    /// Share of pixels with a depth.
     valid: f64,
     /// Mean angle between normals, degrees.
     degrees: f64,
@@ -67,8 +67,8 @@ fn slanted_planes_have_their_depth_and_their_normals() {
     }
 }
 
-/// Beside the edge of something in front, places are hidden from some views: what is left there has to be right, and
-/// what only the reference sees has to go.
+/// Beside the edge of a nearer object, the background is hidden from some views: remaining depths must be right, and
+/// depths that only the reference sees must be removed.
 #[test]
 fn what_others_do_not_see_is_removed() {
     let Some(gpu) = common::gpu() else { return };
@@ -76,13 +76,13 @@ fn what_others_do_not_see_is_removed() {
         Sheet::plane(DVec3::NEG_Z, DVec3::new(0.0, 0.0, 3.0)),
         Sheet::plane(DVec3::NEG_Z, DVec3::new(0.0, 0.0, 1.5)).within([-1e9, 0.05, -1e9, 1e9]),
     ];
-    // Along x alone: the band beside the edge is hidden from every camera on the left.
+    // Cameras along x: the band beside the edge is hidden from every camera on the left.
     let cameras: Vec<_> =
         [0.0, -0.24, -0.3, -0.36, -0.42].map(|x| super::site::camera([x, 0.02 * x, 0.0], [0.0, 0.0], 128, 60)).to_vec();
     let (views, truths) = views(&sheets, &cameras, [1.0, 6.0]);
     let priors = Matcher::new(&gpu, &settings()).unwrap().run(&views, |_| ()).unwrap();
     let (prior, truth, camera) = (&priors[0], &truths[0], &views[0].camera);
-    // Where the background begins that a camera has beside the edge, as a column of the reference.
+    // The column of the reference at which the background beside the edge begins for a camera.
     let edge_of = |c: &psrgs_vk::scene::Camera| {
         let from = c.center()[0];
         let at_background = from + (0.05 - from) * 3.0 / 1.5;
@@ -93,7 +93,7 @@ fn what_others_do_not_see_is_removed() {
     let inside = not_at_the_edge(128, 60, 3);
     // Windows reach a few pixels over an edge.
     let hidden = |p: usize| inside(p) && column(p) > own + 2.0 && column(p) < first - 3.0;
-    // On the right, pictures of the sources end.
+    // On the right, the sources' photographs end.
     let seen_by_all = |p: usize| inside(p) && column(p) > last + 2.0 && column(p) < 110.0;
     assert!((0..prior.depth.len()).filter(|p| hidden(*p)).count() > 150, "{own} {first}");
     let (hidden, seen) = (score(prior, truth, hidden), score(prior, truth, seen_by_all));
@@ -102,12 +102,11 @@ fn what_others_do_not_see_is_removed() {
     assert!(seen.valid > 0.8 && seen.error < 0.005, "{seen:?}");
 }
 
-/// Bare ground under the noise of a sensor: windows correlate little at the right depth too,
-/// and views agree all the same.
+/// Bare ground under sensor noise: windows correlate little even at the right depth, and views still agree.
 #[test]
 fn what_views_agree_on_is_kept_where_windows_correlate_little() {
     let Some(gpu) = common::gpu() else { return };
-    // No search: what is looked at is which of the depths that are there stay.
+    // No search: only the filter of given depths is tested.
     let settings = Settings { iterations: 0, first_draws: 0, draws: 0, rounds: 0, ..settings() };
     let valid = |contrast: f64, least_ncc: f32| {
         let sheets = [Sheet { contrast, ..Sheet::plane(DVec3::new(0.2, 0.1, -1.0), DVec3::new(0.0, 0.0, 3.0)) }];
@@ -127,7 +126,7 @@ fn what_views_agree_on_is_kept_where_windows_correlate_little() {
     };
     let default = Settings::default().least_ncc;
     let (kept, strict, noise) = (valid(0.04, default), valid(0.04, 0.5), valid(0.0, default));
-    assert!(kept > 0.75 && strict < 0.65 && noise < 0.25, "{kept} kept, {strict} with 0.5, {noise} of noise alone");
+    assert!(kept > 0.75 && strict < 0.65 && noise < 0.25, "{kept} kept, {strict} with NCC 0.5, {noise} of noise");
 }
 
 #[test]
@@ -139,7 +138,7 @@ fn equal_inputs_give_equal_bits() {
     assert_eq!(run(), run());
 }
 
-/// Priors as training would have them, from a start of its own.
+/// A search that starts from rendered depths.
 #[test]
 fn a_rendered_start_needs_no_random_draws() {
     let Some(gpu) = common::gpu() else { return };

@@ -1,20 +1,20 @@
-//! Textured planes before cameras, by casting rays: pictures with exact depth and normals.
+//! Textured planes in front of cameras, rendered by casting rays, with exact depth and normals.
 
 use glam::{DMat3, DVec3};
 use psrgs_vk::scene::Camera;
 use psrgs_vk::stereo::{InitialPlanes, View};
 
-/// A part of a plane: the points p with normal p = offset that `bounds` (x and y, least and most) holds.
+/// A part of a plane: the points p with normal . p = offset within `bounds` (x and y, least and most).
 pub struct Sheet {
     pub normal: DVec3,
     pub offset: f64,
     pub bounds: [f64; 4],
-    /// 0: without texture.
+    /// Contrast of the texture; 0 is a single colour.
     pub contrast: f64,
 }
 
 impl Sheet {
-    /// Without end.
+    /// An infinite plane.
     pub fn plane(normal: DVec3, through: DVec3) -> Self {
         let normal = normal.normalize();
         Self { normal, offset: normal.dot(through), bounds: [-1e9, 1e9, -1e9, 1e9], contrast: 1.0 }
@@ -32,7 +32,7 @@ impl Sheet {
     }
 }
 
-/// What a picture shows, pixel by pixel.
+/// Colours, depths and normals of a photograph.
 pub struct Truth {
     pub luma: Vec<f32>,
     pub depth: Vec<f64>,
@@ -76,7 +76,7 @@ fn texture(p: DVec3) -> f64 {
     octaves.iter().zip(0..).map(|(&(frequency, share), k)| share * noise(p * frequency + 0.37, k)).sum()
 }
 
-/// Renders the sheets; what meets none is black at depth 0.
+/// Renders the sheets. Pixels without a sheet are black at depth 0.
 pub fn render(sheets: &[Sheet], camera: &Camera) -> Truth {
     const FINE: u32 = 3;
     let rotation = DMat3::from_cols_array_2d(&camera.rotation).transpose();
@@ -109,7 +109,7 @@ pub fn render(sheets: &[Sheet], camera: &Camera) -> Truth {
     truth
 }
 
-/// Views of the sheets, each with the others as sources, beginning at random.
+/// Views of the sheets, each with all others as sources and a random start.
 pub fn views(sheets: &[Sheet], cameras: &[Camera], depths: [f64; 2]) -> (Vec<View>, Vec<Truth>) {
     let truths: Vec<Truth> = cameras.iter().map(|camera| render(sheets, camera)).collect();
     let views = cameras.iter().zip(&truths).enumerate().map(|(i, (camera, truth))| View {

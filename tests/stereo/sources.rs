@@ -1,4 +1,4 @@
-//! Which views are compared.
+//! The choice of source views.
 
 use psrgs_vk::dataset::{Dataset, LoadOptions, Split};
 use psrgs_vk::stereo::{Observations, View, choose_sources, depth_range};
@@ -25,7 +25,7 @@ fn sources_share_points_at_useful_angles() {
     assert_eq!(sources[0].len(), 3);
     assert_eq!(sources[0][2], 3, "a wide angle comes last: {sources:?}");
     assert_eq!(choose_sources(&cameras, &all, 2)[0].len(), 2);
-    // What shares more points is better.
+    // A view that shares more points is better.
     let some = seen(points(), |p| if p < 30 { vec![0, 2] } else { vec![0, 2, 4] });
     assert_eq!(choose_sources(&cameras, &some, 4)[0], [2, 4]);
 }
@@ -80,8 +80,8 @@ fn photographs_without_observations_have_sources_by_geometry() {
     let (mixed, some) = sources(&ring(3));
     assert_eq!(some.assumed, [3, 4, 5, 6, 7]);
     assert!(mixed.iter().all(|of| of.len() == 4), "{mixed:?}");
-    assert!(some.views.iter().all(|views| views[..3] == [0, 1, 2]), "observations that are known stay as they are");
-    // All points lie in all pictures: nothing is lost against tracks of all.
+    assert!(some.views.iter().all(|views| views[..3] == [0, 1, 2]), "known observations changed");
+    // All points lie in all photographs: geometry gives the sources of complete tracks.
     assert_eq!((mixed, some.views), (by_tracks, whole.views));
 }
 

@@ -1,4 +1,4 @@
-//! `--bands`: steps that look at a part of their photograph.
+//! `--bands`: steps that see a part of their photograph.
 
 use psrgs_vk::train::settings::{Growth, Settings};
 use psrgs_vk::train::{Input, Pacing, Residency};
@@ -6,7 +6,7 @@ use psrgs_vk::train::{Input, Pacing, Residency};
 use super::common::{self, plane_scene};
 use super::{Run, assert_same, run, settings, stops_and_resumes_on};
 
-/// Rows of the photographs: bands of 48, 48 and 64 where there are three.
+/// Rows of the photographs: three bands have 48, 48 and 64 rows.
 const ROWS: u32 = 160;
 const OF_THREE: [f32; 3] = [48.0 / 160.0, 48.0 / 160.0, 64.0 / 160.0];
 
@@ -14,8 +14,8 @@ fn input(views: usize) -> Input {
     plane_scene::input(views, 48, ROWS, 300)
 }
 
-/// One photograph, and splats that are seen in all of it: no pixel is near where a splat is cut off, which rounding
-/// decides. They are not round, or their rotations would have no gradient.
+/// One photograph, and splats that cover all of it, so that no pixel is near a cut-off, which rounding decides. Splats
+/// are not round, because rotations of round splats have no gradient.
 fn seen_everywhere() -> Input {
     let mut input = plane_scene::input(1, 48, ROWS, 12);
     input.initial.opacities.fill(-2.0);
@@ -25,11 +25,11 @@ fn seen_everywhere() -> Input {
     input
 }
 
-/// Nothing moves, and what the optimiser remembers of its gradients tells what they are.
+/// Nothing moves, and the moments of the optimiser give the gradients.
 fn still(bands: u32, steps: u32) -> Settings {
     let mut settings = settings(steps);
     (settings.run.bands, settings.density.no_densify) = (bands, true);
-    // What SSIM compares across the ends of bands is left out: the absolute differences are sums over pixels.
+    // Without SSIM, whose windows cross the ends of bands: absolute differences are sums over pixels.
     settings.optimiser.lambda_dssim = 0.0;
     let optimiser = &mut settings.optimiser;
     (optimiser.lr_means, optimiser.lr_means_final) = (1e-30, 1e-30);
@@ -45,7 +45,7 @@ fn still(bands: u32, steps: u32) -> Settings {
     settings
 }
 
-/// The gradients that the steps before the last have added up, each with the same weight.
+/// The gradient of each step but the last, and the losses.
 fn summed(gpu: &psrgs_vk::vk::Gpu, input: &Input, bands: u32) -> (Vec<[Vec<f64>; 8]>, Vec<f32>) {
     let mut before: [Vec<f64>; 8] = Default::default();
     let (mut gradients, mut losses) = (Vec::new(), Vec::new());
@@ -80,13 +80,13 @@ fn bands_add_up_to_the_photograph() {
             let got: f64 = parts.iter().map(|part| part[k][i]).sum();
             assert!((got - want).abs() < 2e-5 * most, "plane {k}, value {i}: {got} for {want}, largest {most}");
         }
-        // Each has a part in it.
+        // Each band contributes.
         assert!(parts.iter().all(|part| part[k].iter().any(|g| g.abs() > 0.01 * most)), "plane {k}");
     }
 }
 
-/// Growth by a sample that masks and errors weigh, weights by mask, steps of what is seen, exposures, and steps that
-/// look at several photographs, the last of which is whole.
+/// Sampled growth with weights of masks and errors, weights by mask, steps of visible splats, exposures, and steps that
+/// see several photographs, the last of which whole.
 fn all_that_bands_pass(bands: u32) -> Settings {
     let mut settings = settings(66);
     settings.run.bands = bands;
@@ -104,7 +104,7 @@ fn all_that_bands_pass(bands: u32) -> Settings {
 fn bands_train_the_same_streamed_and_replayed_and_resumed() {
     let Some(gpu) = common::gpu() else { return };
     let mut input = input(4);
-    // A photograph that has rows for one band alone.
+    // A photograph with rows for a single band.
     input.train[2] = plane_scene::input(4, 56, 40, 0).train[2].clone();
     let settings = all_that_bands_pass(3);
     let resident = Pacing { photographs: Residency::Resident, ..Pacing::default() };

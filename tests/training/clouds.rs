@@ -1,4 +1,4 @@
-//! Growth that keeps to a cloud, with depths and normals of the cloud, in whole trainings.
+//! Growth near a cloud, with depths and normals of the cloud, in whole trainings.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use psrgs_vk::train::{Input, Pacing, Settings};
 use super::common::{gpu, plane_scene};
 use super::{assert_same, run, settings, stops_and_resumes_on};
 
-/// How near splats have to be.
+/// Largest distance of new splats from the cloud.
 const WITHIN: f64 = 0.1;
 
 fn rsgs(iterations: u32) -> Settings {
@@ -43,7 +43,7 @@ fn splats_grow_near_the_cloud_alone_and_every_run_is_the_same() {
     half(&mut kept, &settings);
     assert!(kept.optional.priors.iter().flatten().all(|p| p.share() > 0.05), "the views see the cloud");
     let [first, without] = [&kept, &free].map(|i| run(&gpu, i.clone(), &settings, Pacing::default()));
-    // New ones, on either side; children of splats at the edge may lie a little beyond it.
+    // New splats on either side. Children of splats at the edge may lie slightly beyond the edge.
     let grown = |run: &super::Run, side: f32| {
         let new = run.state.ids.iter().zip(run.state.params[0].chunks_exact(3)).filter(|(id, _)| **id >= 300);
         new.filter(|(_, mean)| side * mean[0] > 0.5).count()
@@ -51,7 +51,7 @@ fn splats_grow_near_the_cloud_alone_and_every_run_is_the_same() {
     assert!(grown(&without, 1.0) > 20 && grown(&without, -1.0) > 20, "without a cloud all grow");
     assert!(grown(&first, -1.0) > 20, "{} new ones near the cloud", grown(&first, -1.0));
     assert_eq!(grown(&first, 1.0), 0, "far from the cloud");
-    // However events are on their way, and when buffers have to grow.
+    // With many events in flight, and with buffers that have to grow.
     let tight = Pacing { events_in_flight: 7, splat_capacity: 301, pair_capacity: 64, ..Pacing::default() };
     let second = run(&gpu, kept, &settings, tight);
     assert!(second.grown >= 2);

@@ -1,4 +1,4 @@
-//! `--early-steps`: the first steps skip more of what splats hardly show.
+//! `--early-steps`: the first steps skip splats at higher alphas than later steps.
 
 use psrgs_vk::raster::TileShape;
 use psrgs_vk::train::Pacing;
@@ -26,7 +26,7 @@ fn only_early_steps_use_the_early_alpha_cutoff() {
         };
         let (everywhere, nowhere) = (trained(early(1.0)), trained(settings(STEPS)));
         assert_ne!(everywhere.losses, nowhere.losses, "{shape:?}");
-        // Early steps that cut off where all steps do are no others.
+        // Early steps with the usual cut-off change nothing.
         let mut usual = early(1.0);
         usual.shortcuts.early_cutoff = 255;
         let usual = trained(usual);

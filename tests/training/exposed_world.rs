@@ -1,5 +1,5 @@
-//! Exposures of a world whose photographs have known ones: its gains act on light, before the camera's response curve,
-//! so that no map of encoded colours is exactly theirs; what the maps come to on the photographs' colours is compared.
+//! Exposures of a world with known gains. Gains act on light, before the camera's response curve, so that no affine map
+//! of encoded colours equals a gain. Compared is the effect of maps on the colours of photographs.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use psrgs_vk::world::{Effect, Effects, LidarParams, World, WorldParams, generate
 
 use crate::common;
 
-/// Brighter values are at the end of the curve: a photograph shows nothing of their gain.
+/// Brighter values lie at the end of the curve and do not show the gain.
 const BRIGHT: u8 = 250;
 
 /// The camera's response: extended Reinhard curve, then that of sRGB, from light to 0..1.
@@ -20,14 +20,14 @@ fn response(light: f64) -> f64 {
     if y <= 0.003_130_8 { 12.92 * y } else { 1.055 * y.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Its inverse.
+/// Inverse of [`response`].
 fn light(value: f64) -> f64 {
     let y = if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
     let (a, b) = (1.0 / (2.6 * 2.6), 1.0 - y);
     ((b * b + 4.0 * a * y).sqrt() - b) / (2.0 * a) / 1.32
 }
 
-/// The gain by which the mean of a picture becomes that of what its map makes of it.
+/// The gain that changes the mean of a picture as `map` does.
 fn gain(clean: &[[u8; 3]], map: &ExposureMatrix) -> f64 {
     let encoded = |pixel: &[u8; 3]| pixel.map(|v| f64::from(v) / 255.0);
     let shown = |c: [f64; 3]| map.iter().map(|row| row[3] + (0..3).map(|k| row[k] * c[k]).sum::<f64>()).sum::<f64>();
@@ -50,7 +50,7 @@ fn the_response_is_that_of_the_world() {
     let mut identity = [[0.0; 4]; 3];
     (0..3).for_each(|k| identity[k][k] = 1.0);
     assert!((gain(&[[20, 90, 200], [3, 60, 120]], &identity) - 1.0).abs() < 1e-9);
-    // A photograph of the world is its clean picture at that gain, but for rounding.
+    // A photograph of the world is its clean picture at this gain, up to rounding.
     let mut effects = Effects::none();
     effects.take(Effect::Exposure, &Effects::default());
     let params = WorldParams { images: 4, max_side: 48, extent: 40.0, effects, ..WorldParams::default() };
@@ -65,9 +65,8 @@ fn the_response_is_that_of_the_world() {
     }
 }
 
-/// Geometry comes from the laser points, and transparency shows in front of a background that changes: in front of a
-/// black one, a model that is not opaque yet is darker from above than at a slant,
-/// and the photographs' maps make up for it.
+/// Geometry comes from laser points. Random backgrounds make transparency visible: on black, a model that is not opaque
+/// yet is darker from above than at a slant, and the maps would compensate.
 #[test]
 fn gains_of_the_world_are_found_to_a_hundredth() {
     let Some(gpu) = common::gpu() else { return };
@@ -122,6 +121,6 @@ fn gains_of_the_world_are_found_to_a_hundredth() {
     let off: Vec<f64> = found.iter().map(|(t, f)| (f / own) / (t / truth) - 1.0).collect();
     let spread = |of: fn(f64, f64) -> f64| found.iter().map(|f| f.0 / truth).fold(1.0, of);
     println!("gains from {:.3} to {:.3}, found with errors {off:.4?}", spread(f64::min), spread(f64::max));
-    assert!(spread(f64::max) - spread(f64::min) > 0.1, "there is something to find");
+    assert!(spread(f64::max) - spread(f64::min) > 0.1, "the gains differ too little");
     assert!(off.iter().all(|e| e.abs() < 0.01), "{off:.4?}");
 }

@@ -1,5 +1,5 @@
-//! Exposures: found again on photographs that were given some, without a drift of the model's colours,
-//! and bit-reproducible.
+//! Exposures: recovered from photographs with known exposures, without a drift of the model's colours, and reproducible
+//! bit for bit.
 
 use psrgs_vk::dataset::Pixels;
 use psrgs_vk::eval::Exposures;
@@ -16,8 +16,8 @@ use super::{assert_same, run, settings};
 
 const VIEWS: usize = 4;
 
-/// An exposure for each photograph: gains within a tenth, some mixing of channels, and an offset;
-/// the identity in the mean.
+/// An exposure for each photograph: gains within a tenth, some mixing of channels, and an offset. The mean over
+/// photographs is the identity.
 fn truth(view: usize) -> ExposureMatrix {
     let wave =
         |k: usize| (std::f64::consts::TAU * ((view * (1 + k % 2)) as f64 / VIEWS as f64 + 0.13 * k as f64)).sin();
@@ -47,8 +47,8 @@ fn model() -> Gaussians {
     model
 }
 
-/// Photographs of the model under the exposures above; what the model does not cover is masked. The training begins
-/// with the model in other colours.
+/// Photographs of the model under the exposures above, masked where the model does not cover them. Training begins with
+/// the model in other colours.
 fn exposed_input(gpu: &Gpu) -> Input {
     let mut input = plane_scene::input(VIEWS, 48, 36, 10);
     let model = model();
@@ -120,13 +120,13 @@ fn exposures_are_found_again_to_a_hundredth() {
             }
         }
     }
-    // In the mean they are the identity, so that the model's colours have not gone anywhere.
+    // The mean over photographs is the identity, so that the model's colours do not drift.
     for k in 0..12 {
         let mean = found.iter().map(|(_, m)| m[k / 4][k % 4]).sum::<f64>() / VIEWS as f64;
         let identity = if k / 4 == k % 4 { 1.0 } else { 0.0 };
         assert!((mean - identity).abs() < 1e-6, "number {k} is {mean} in the mean");
     }
-    // Without, the photographs contradict each other.
+    // Without exposures the photographs contradict each other.
     let (mut without, loss_without) = trained(&gpu, &input, &colours_only(160, Exposure::Off));
     assert!(loss < 0.4 * loss_without, "{loss} with, {loss_without} without");
     assert!(without.exposures().unwrap().is_none());
@@ -139,12 +139,12 @@ fn exposures_are_found_again_to_a_hundredth() {
     assert_eq!(ExposureFile::read(&file).unwrap(), written);
 }
 
-/// A photograph that is held out is scored as its exposure is expected to be; its pixels have no part in that.
+/// A held-out photograph is scored with its expected exposure, on which its pixels have no effect.
 #[test]
 fn held_out_photographs_are_scored_by_the_exposures_about_them() {
     let Some(gpu) = common::gpu() else { return };
     let mut input = exposed_input(&gpu);
-    // The second photograph under its own name, whose exposure is learned, and under one that lies between two others.
+    // The second photograph under its own name, whose exposure is learned, and under a name between two others.
     let second = input.train[1].clone();
     let pixels = second.photograph.pixels().unwrap().as_ref().clone();
     let between = format!("{}5", second.name);
@@ -181,13 +181,13 @@ fn exposures_are_replayed_and_resumed_bit_equal() {
     let bits = |rows: &[f32]| rows.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
     let straight = run(&gpu, input.clone(), &settings, Pacing::default());
     assert!(straight.state.exposures.iter().any(|x| *x != 0.0));
-    // Events that are lost on the way.
+    // Small capacities, so that events are lost and replayed.
     let small = Pacing { splat_capacity: 1, pair_capacity: 64, ..Pacing::default() };
     let replayed = run(&gpu, input.clone(), &settings, small);
     assert!(replayed.grown > 0);
     assert_same(&replayed.state, &straight.state, "replayed");
     assert_eq!(bits(&replayed.state.exposures), bits(&straight.state.exposures));
-    // Stopped, written to a checkpoint, and gone on from it.
+    // Stopped, written to a checkpoint, and resumed.
     let mut trainer = Trainer::new(&gpu, input.clone(), &settings, Pacing::default(), None).unwrap();
     while !matches!(trainer.next_message().unwrap(), Some(Message::Step { step: 23, .. })) {}
     let saved = Checkpointed::new(trainer.snapshot().unwrap(), &settings).unwrap().to_checkpoint().unwrap();
@@ -198,7 +198,7 @@ fn exposures_are_replayed_and_resumed_bit_equal() {
     let state = resumed.snapshot().unwrap().state;
     assert_same(&state, &straight.state, "resumed");
     assert_eq!(bits(&state.exposures), bits(&straight.state.exposures));
-    // A checkpoint of a run without them does not go on with them.
+    // A checkpoint of a run without exposures does not resume with exposures.
     let mut restart = Checkpointed::from_checkpoint(&saved).unwrap().restart;
     restart.state.exposures.clear();
     let error = Trainer::new(&gpu, input, &settings, Pacing::default(), Some(restart)).err().unwrap();

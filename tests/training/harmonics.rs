@@ -1,4 +1,4 @@
-//! Some splats alone have spherical harmonics above degree 1.
+//! Spherical harmonics above degree 1 for a share of the splats.
 
 use psrgs_vk::pass::counters;
 use psrgs_vk::raster::{GradientSum, PLANES, SH_HIGHER, Variants, Viewer};
@@ -9,8 +9,8 @@ use super::{assert_same, run, settings, stops_and_resumes_on};
 
 const SHARE: f64 = 0.3;
 
-/// Growth ends at step 40, where it is settled which splats have them;
-/// splats of little weight go then and before step 49.
+/// Growth ends at step 40, which settles the splats with all harmonics. Splats of little weight are dropped then and
+/// before step 49.
 fn limited() -> Settings {
     let mut settings = settings(60);
     settings.density.densify_until = 40;
@@ -22,7 +22,7 @@ fn limited() -> Settings {
     settings
 }
 
-/// Rows of the upper planes that hold anything but zeros, of parameters and of moments.
+/// Rows of the upper planes, of parameters and moments, that hold more than zeros.
 fn used(state: &State) -> Vec<bool> {
     let planes = std::iter::once(&state.params).chain(&state.moments).flat_map(|planes| &planes[SH_HIGHER..]);
     let mut used = vec![false; state.ids.len()];
@@ -46,12 +46,12 @@ fn the_asked_share_of_splats_has_harmonics_after_growth() {
         match message {
             Message::Step { step: 38, .. } => {
                 let state = trainer.snapshot().expect("a snapshot").state;
-                assert!(!used(&state).contains(&true), "none has any while there is growth");
+                assert!(!used(&state).contains(&true), "a splat has higher harmonics during growth");
                 assert_eq!(state.counters[counters::PLAIN], u32::MAX);
             }
             Message::HarmonicsSettled { step, full, splats } => {
                 assert_eq!((step, full), (40, (SHARE * f64::from(splats)) as u32));
-                assert!(settled.replace((full, splats)).is_none(), "once");
+                assert!(settled.replace((full, splats)).is_none(), "settled twice");
                 before = trainer.snapshot().expect("a snapshot").state.ids;
             }
             Message::Pruned { step, dropped, .. } if step > 40 => dropped_after += dropped,
@@ -68,10 +68,10 @@ fn the_asked_share_of_splats_has_harmonics_after_growth() {
     let used = used(&state);
     let with: usize = used.iter().filter(|used| **used).count();
     assert!(used[left..].iter().all(|used| !used) && 10 * with > 9 * left, "{with} of {left} rows are used");
-    // Identities tell which rows were dropped; the others stand as they stood.
+    // Identities tell which rows were dropped; the others keep their order.
     let kept: Vec<u32> = before.iter().copied().filter(|id| state.ids.contains(id)).collect();
     assert_eq!(kept, state.ids);
-    // What the planes do not hold is drawn as zeros: a viewer sees the same in the model that was read back.
+    // Missing coefficients are rendered as zeros: the model that was read back gives the same render.
     let model = trainer.model().expect("a model");
     let camera = plane_scene::input(5, 64, 48, 300).train[0].camera;
     let mut viewer = Viewer::new(&gpu);
@@ -128,7 +128,7 @@ fn settling_changes_no_bit_of_a_replay_or_of_a_resumed_run() {
     let truth = run(&gpu, input.clone(), &packed, Pacing::default());
     assert!(used(&truth.state).contains(&true));
     stops_and_resumes_on(&gpu, &packed, &input, &[39, 45]);
-    // None at all, and a set of splats that stays as it is.
+    // A share of 0, and a fixed set of splats.
     let mut none = limited();
     none.model.sh_share = 0.0;
     let state = run(&gpu, input.clone(), &none, Pacing::default()).state;
@@ -139,7 +139,7 @@ fn settling_changes_no_bit_of_a_replay_or_of_a_resumed_run() {
     assert_eq!((state.ids.len(), counters::full_rows(&state.counters)), (300, 90));
 }
 
-/// Since it was settled, so many splats without may have been dropped that those with them are more than the share.
+/// Splats without higher harmonics may have been dropped later, so that the splats with them exceed the share.
 #[test]
 fn a_state_with_more_of_them_than_the_share_has_room() {
     let Some(gpu) = common::gpu() else { return };

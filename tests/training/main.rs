@@ -1,5 +1,5 @@
-//! Training as a whole, on a small scene made in memory: it learns, repeats itself bit for bit, survives buffers that
-//! are too small, and stops and resumes without a trace.
+//! Whole trainings on a small scene in memory: training learns, repeats bit for bit, survives buffers that are too
+//! small, and stops and resumes without a trace.
 
 mod bands;
 mod clouds;
@@ -37,7 +37,7 @@ fn settings(iterations: u32) -> Settings {
     s.density.densify_interval = 15;
     s.density.opacity_reset_interval = 40;
     s.model.sh_interval = 20;
-    // A scene this small moves at larger steps than the reference's.
+    // A scene this small needs larger steps than the reference's.
     s.optimiser.lr_sh_base = 0.02;
     s.optimiser.lr_opacities = 0.1;
     s
@@ -106,8 +106,7 @@ fn deterministic_runs_are_bit_equal() {
     assert!(a.changed > 0);
 }
 
-/// Gradients that go through memory, for devices that bind fewer buffers to a pass,
-/// train to the same bits as the fused step.
+/// The separate steps, for devices that bind fewer buffers to a pass, train to the bits of the fused step.
 #[test]
 fn fused_and_separate_optimiser_steps_are_bit_equal() {
     let Some(gpu) = common::gpu() else { return };
@@ -123,7 +122,7 @@ fn fused_and_separate_optimiser_steps_are_bit_equal() {
     let separate = run(&lesser, input.clone(), &shrinking, Pacing::default());
     assert_same(&fused.state, &separate.state, "separate steps");
     assert_eq!(fused.losses, separate.losses);
-    // 20, 40, 60: one degree more. Before, what is above it has no moments.
+    // Steps 20, 40 and 60 add a degree of harmonics. Before, higher degrees have no moments.
     let early = run(&gpu, input, &settings(19), Pacing::default()).state;
     assert!(early.moments[0][4].iter().any(|m| *m != 0.0) && early.moments[0][5..].iter().flatten().all(|m| *m == 0.0));
     assert!(fused.state.moments[0][5].iter().chain(&fused.state.moments[0][6]).any(|m| *m != 0.0));
@@ -163,14 +162,13 @@ fn by_birth(state: &State) -> State {
     }
 }
 
-/// With sums in slots the order in memory decides over nothing but splats of equal depth: a training goes on alike from
-/// a state and from the same state in the order of birth. Splats that a clone has put at one place stay in the order of
-/// birth.
+/// With sums in slots, the order in memory only matters for splats of equal depth: training continues alike from a
+/// state and from the same state in the order of birth. A clone and its source stay in the order of birth.
 #[test]
 fn order_in_memory_changes_no_bit() {
     let Some(gpu) = common::gpu() else { return };
-    // So few splats that no two which overlap will have the same depth in any step: of those the lower row is in front.
-    // Of 300, in 60 steps, some do on one driver and none on another.
+    // Few splats, so that no two overlapping splats have equal depths in any step: of such a pair the lower row is in
+    // front. Of 300 splats in 60 steps, some have equal depths on one driver and none on another.
     let input = plane_scene::input(5, 64, 48, 70);
     for (max_splats, stop) in [(None, 6), (None, 18), (Some(92), 6)] {
         let mut s = settings(60);
@@ -212,7 +210,7 @@ fn stopped_and_resumed_is_bit_equal() {
     stops_and_resumes(&gpu, &settings(60));
 }
 
-/// Rounding at random is keyed by step and splat: a resumed run rounds as the undisturbed one would have.
+/// Random rounding is keyed by step and splat: a resumed run rounds as an undisturbed run.
 #[test]
 fn stopped_and_resumed_is_bit_equal_with_shortcuts() {
     let Some(gpu) = common::gpu() else { return };
@@ -248,10 +246,10 @@ fn a_device_without_room_for_the_shortcuts_says_so() {
     let mut sparse = settings(5);
     sparse.model.sh_share = 0.5;
     let Err(error) = Trainer::new(&gpu, input.clone(), &sparse, Pacing::default(), None) else {
-        panic!("the optimiser has 30 buffers")
+        panic!("30 buffers of the optimiser were bound")
     };
     assert!(error.to_string().contains("`sh-share`") && error.to_string().contains("30"), "{error}");
-    // With both moments in a word there are 22.
+    // With both moments in a word, the optimiser has 22 buffers.
     assert_eq!(run(&gpu, input, &fast_settings(5), Pacing::default()).losses.len(), 5);
 }
 
@@ -388,13 +386,13 @@ fn a_step_is_scored_before_its_density_change_and_opacity_reset() {
             _ => {}
         }
     }
-    // Every fifth step once, 15, 30, 45 (density changes) and 40 (a reset) among them.
+    // Every fifth step once, among them 15, 30, 45 (density changes) and 40 (a reset).
     assert_eq!(scores.iter().map(|(step, _)| *step).collect::<Vec<_>>(), (1..=12).map(|k| 5 * k).collect::<Vec<_>>());
     assert!(done.contains(&30) && done.contains(&40), "{done:?}");
 }
 
-/// As somebody who wants to stop asks for: what is saved then is scored when it goes on, and the curves are those of a
-/// run that nobody disturbed.
+/// A stop request gives up a scoring. The resumed training scores the saved state, and its curves equal those of an
+/// undisturbed run.
 #[test]
 fn scoring_that_is_given_up_is_done_when_the_training_goes_on() {
     let Some(gpu) = common::gpu() else { return };
@@ -409,7 +407,7 @@ fn scoring_that_is_given_up_is_done_when_the_training_goes_on() {
         (trainer.history().quality.clone(), trainer.snapshot().expect("snapshot").state)
     };
     let (scores, end) = to_the_end(trainer(None));
-    // In the midst of it, and after the last step.
+    // In the middle of the training, and after the last step.
     for stop in [10, 20] {
         let asked = Arc::new(AtomicBool::new(false));
         let mut first = trainer(None);

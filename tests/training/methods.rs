@@ -10,7 +10,7 @@ use psrgs_vk::train::{Input, Pacing, Settings, View, prepare};
 use super::common::{gpu, plane_scene};
 use super::{run, settings, stops_and_resumes_on};
 
-/// Everything on, at a pace for few steps. The perceptual distance is that of filters: there are no weights here.
+/// Everything on, at a pace for few steps. The perceptual distance is that of filters, which need no weights.
 fn everything(iterations: u32) -> Settings {
     let mut s = settings(iterations);
     s.density.opacity_reset_interval = 0;
@@ -76,21 +76,21 @@ fn growth_goes_on_where_little_is_known() {
     let (share, density) = after(&input);
     assert!(share.is_some_and(|share| share > 0.0 && share < 0.3), "{share:?}");
     assert_eq!((density.densify_until, density.grad_threshold, density.low_grad_threshold), (15_000, 8e-4, 8e-4));
-    assert_eq!(density.grow_on, 0.0, "what a resumed run has is settled");
-    // What is masked needs no depth.
+    assert_eq!(density.grow_on, 0.0, "a resumed run changed its settings");
+    // Masked pixels need no depth.
     for view in &mut input.train[1..] {
         let pixels = Pixels::Rgba8(vec![0; 4 * (view.camera.width * view.camera.height) as usize]);
         *view = View::new("masked", view.camera, pixels);
     }
     assert_eq!(after(&input).0, None);
-    // Without any depths.
+    // Without depths.
     input.optional.priors.clear();
     assert_eq!(after(&input).0, Some(0.0));
-    // Nor is there growth to go on where density stays as it is.
+    // Without density control no growth continues.
     let mut still = settings.clone();
     still.density.no_densify = true;
     assert_eq!(prepare::grow_on(&input, &mut still), None);
-    // Whoever says how splats grow has it so.
+    // Named settings of growth are kept.
     for key in ["densify-until", "grad-threshold", "low-grad-threshold", "grow-on"] {
         let mut settings = Settings::default();
         Method::Psrgs.apply(&mut settings, |named| named == key);
@@ -157,8 +157,8 @@ fn what_nothing_looks_at_changes_no_bit() {
     assert_eq!(other.in_use(), plain.in_use());
     let of = |s: &Settings| run(&gpu, input(3, (48, 40), 200, &plain), s, Pacing::default());
     let (plain, other) = (of(&plain), of(&other));
-    assert!(plain.changed > 0, "growth has a part in it");
-    super::assert_same(&plain.state, &other.state, "settings that nothing looks at");
+    assert!(plain.changed > 0, "no density change");
+    super::assert_same(&plain.state, &other.state, "settings without effect");
 }
 
 #[test]
@@ -199,7 +199,7 @@ fn a_weight_on_harmonics_lowers_the_view_dependence_of_colours() {
     assert!(some < 0.98 * free && much < 0.2 * free && free > 0.0, "{free} without, {some} and {much} with it");
 }
 
-/// Mean distance of opaque splats from the ground, weighted by their opacity and area.
+/// Mean distance of splats from the ground, weighted by opacity and area.
 fn off_the_ground(settings: &Settings, input: Input, gpu: &psrgs_vk::vk::Gpu) -> f64 {
     let state = run(gpu, input, settings, Pacing::default()).state;
     let [means, _, scales, opacities, ..] = &state.params;
@@ -226,8 +226,8 @@ fn depth_priors_bring_splats_to_the_surface() {
     with.geometry.depth_left = 1.0;
     with.geometry.depth_steps = 1.0;
     with.geometry.depth_every = 1;
-    // Splats begin above the ground in one layer (two could mix to the right depth), and opaque: where little is seen
-    // nothing is said of its depth.
+    // Splats begin above the ground in one layer (two layers could mix to the right depth), and opaque, because the
+    // loss has no depth where little is seen.
     let mut scene = input(5, (64, 48), 300, &with);
     scene.initial.means.chunks_exact_mut(3).for_each(|mean| mean[2] = 0.25);
     scene.initial.opacities.fill(2.0);
@@ -258,7 +258,7 @@ fn methods_are_values_of_options_and_named_ones_win() {
         named.density.grad_threshold = 1e-3;
         method.apply(&mut named, |key| key == "grad-threshold");
         assert_eq!(named.density.grad_threshold, 1e-3, "{name}");
-        assert_eq!(named.density.grow_on, 0.0, "{name}: whoever says how splats grow has it so");
+        assert_eq!(named.density.grow_on, 0.0, "{name}: a named setting of growth is not kept");
         named.density.grow_on = whole.density.grow_on;
         named.density.grad_threshold = whole.density.grad_threshold;
         assert_eq!(named, whole, "{name}");
@@ -270,7 +270,7 @@ fn methods_are_values_of_options_and_named_ones_win() {
 #[test]
 fn the_coarse_camera_sees_the_same_rays() {
     let Some(gpu) = gpu() else { return };
-    // 33 x 21 does not divide by 2 or 4: the rows and columns that do not fill a pixel are left out.
+    // 33 x 21 is not divisible by 2 or 4: rows and columns that do not fill a pixel are left out.
     let mut coarse = settings(24);
     coarse.frequencies.coarse_steps = 1.0;
     let fine = settings(24);
@@ -278,12 +278,12 @@ fn the_coarse_camera_sees_the_same_rays() {
         [&coarse, &fine].map(|s| run(&gpu, plane_scene::input(3, 66, 42, 200), s, Pacing::default()));
     let last = |losses: &[f32]| losses[losses.len() - 6..].iter().sum::<f32>() / 6.0;
     assert!(reduced.losses.iter().all(|l| l.is_finite()));
-    // The same scene at half the size: its loss is of the same kind, and falls as that of the whole does.
+    // The scene at half the size: the loss falls as at full size.
     assert!(last(&reduced.losses) < 0.9 * reduced.losses[0] && last(&whole.losses) < 0.9 * whole.losses[0]);
     assert!((last(&reduced.losses) / last(&whole.losses) - 1.0).abs() < 0.3, "{:?}", reduced.losses);
 }
 
-/// Splats that are black have no gradient in the reference; in this project's own methods they take the colours of the
+/// Black splats have no gradient in the reference. In this project's own methods they learn the colours of the
 /// photographs.
 #[test]
 fn black_splats_learn_colours_except_in_published_methods() {

@@ -1,5 +1,4 @@
-//! Photographs on the device, or uploaded in the steps that look at them, from memory, compressed or from files:
-//! the same training.
+//! Photographs on the device, or uploaded in their steps from memory, compressed or from files, give the same training.
 
 use psrgs_vk::dataset::{Dataset, Depth, HostShare, LoadOptions, Pixels, Supply};
 use psrgs_vk::train::{FeedCounts, Input, Message, Pacing, Residency, Settings, Trainer, View, prepare};
@@ -13,7 +12,7 @@ fn streamed(events_in_flight: usize) -> Pacing {
     Pacing { events_in_flight, photographs: Residency::Streamed, decoded_ahead: 2, decoders: 2, ..Pacing::default() }
 }
 
-/// The view with 16 bits per channel, and other digits behind the first eight than zeros.
+/// The view with 16 bits per channel, with `lower` in the low bits.
 fn deepened(view: &View, lower: u16) -> View {
     let pixels = view.photograph.pixels().expect("in memory");
     let wide = |(k, v): (usize, &u8)| (257 * u16::from(*v)).saturating_add(if k % 4 < 3 { lower } else { 0 });
@@ -29,7 +28,7 @@ fn streamed_photographs_train_to_the_same_bits() {
     let other = plane_scene::input(5, 40, 56, 0);
     input.train[1] = other.train[1].clone();
     input.train[3] = deepened(&input.train[3], 77);
-    // One photograph to a step, and in some steps those of the steps before it as well.
+    // One photograph per step, and in some steps also those of the steps before.
     let alone = settings(60);
     let mut several = settings(60);
     several.texture.lambda_perceptual = 0.02;
@@ -43,7 +42,7 @@ fn streamed_photographs_train_to_the_same_bits() {
             assert_same(&truth.state, &got.state, &format!("{events_in_flight} in flight"));
             assert_eq!(truth.losses, got.losses);
         }
-        // Steps that are taken again look at their photographs again.
+        // Replayed steps see their photographs again.
         let tight = Pacing { splat_capacity: 301, pair_capacity: 64, ..streamed(4) };
         let forced = run(&gpu, input.clone(), settings, tight);
         assert!(forced.grown >= 2);
@@ -74,10 +73,10 @@ fn streaming_waits_for_nothing_on_the_device() {
     }
     assert_eq!(steps, 40);
     let counts = trainer.feed_counts().expect("streamed");
-    assert_eq!((counts.asked, counts.waited), (40, 0), "in memory, nothing is waited for");
+    assert_eq!((counts.asked, counts.waited), (40, 0), "waited for photographs in memory");
 }
 
-/// A generated scene on disk, its photographs in memory or not.
+/// A generated scene on disk, with photographs in memory or not.
 struct OnDisk {
     _folder: tempfile::TempDir,
     dataset: Dataset,
@@ -89,7 +88,7 @@ impl OnDisk {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let params = WorldParams { images: 9, max_side: 96, pixels_per_point: 16, ..WorldParams::default() };
         generate(&params, folder.path(), &mut |_| ()).expect("a scene");
-        // Reduced, so that what is kept compressed is not the file.
+        // Reduced, so that compressed photographs are not the files.
         let dataset =
             Dataset::load(folder.path(), &LoadOptions { max_side: Some(64), ..LoadOptions::default() }).expect("loads");
         let mut settings = settings(36);
@@ -130,7 +129,7 @@ fn photographs_not_kept_in_memory_train_and_score_the_same() {
     let (truth, scores, nothing) =
         scored(&gpu, whole, &scene.settings, Pacing { photographs: Residency::Resident, ..Pacing::default() });
     assert_eq!((scores.len(), nothing), (3, None));
-    // Compressed in memory, some of them, none; and from there onto the device at the beginning.
+    // All compressed in memory, some, none; and uploaded from there at the beginning.
     for (keep, photographs) in [
         (kept / 2, Residency::Streamed),
         (kept / 8, Residency::Streamed),
@@ -144,7 +143,8 @@ fn photographs_not_kept_in_memory_train_and_score_the_same() {
         assert_same(&truth, &state, &format!("{keep} bytes kept, {photographs:?}"));
         assert_eq!(scores, again);
         if photographs == Residency::Streamed {
-            // Seven views, five passes: more often than once each, except for those that are looked at again at once.
+            // Seven views, five passes: each photograph is decoded several times, unless it is needed twice in a
+            // row.
             let counts = counts.expect("streamed");
             assert!(counts.asked >= 36 && counts.decoded > 7, "{counts:?}");
             assert!((36..=counts.asked + 2).contains(&(counts.decoded + counts.reused)), "{counts:?}");
@@ -152,10 +152,9 @@ fn photographs_not_kept_in_memory_train_and_score_the_same() {
     }
 }
 
-/// Where nothing is kept, so that every photograph is decoded for its step, that has begun (or at least been asked for)
-/// before the step in front of it is submitted: at the start, after scorings and changes, when steps are taken again
-/// because buffers have grown, and when a training goes on. So a step waits only where decoding takes longer than
-/// training.
+/// Without kept photographs, every photograph is decoded for its step. Decoding is requested before the step in front
+/// is submitted: at the start, after scorings and density changes, in replays after buffers have grown, and in a
+/// resumed training. So a step waits only where decoding takes longer than training.
 #[test]
 fn every_photograph_is_asked_for_one_step_ahead() {
     let Some(gpu) = common::gpu() else { return };
@@ -177,12 +176,12 @@ fn every_photograph_is_asked_for_one_step_ahead() {
     for decoded_ahead in [2, 4] {
         let (counts, grown, scored) = followed(tight(decoded_ahead), None);
         assert!(grown >= 2 && scored == 3, "{grown} times grown, {scored} times scored");
-        assert!(counts.asked > 36 && counts.decoded > 7, "steps are taken again: {counts:?}");
+        assert!(counts.asked > 36 && counts.decoded > 7, "no step was replayed: {counts:?}");
         assert_eq!(counts.unforeseen, 0, "{counts:?}");
-        // Nothing is decoded again for a step that is taken again.
+        // Replayed steps decode nothing again.
         assert!(counts.decoded + counts.reused <= counts.asked + decoded_ahead as u64, "{counts:?}");
     }
-    // One at a time cannot be foreseen.
+    // With one photograph at a time, no decoding can begin in advance.
     let (alone, ..) = followed(tight(1), None);
     assert!(alone.unforeseen > 7, "{alone:?}");
 

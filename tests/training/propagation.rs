@@ -1,4 +1,4 @@
-//! Depths that are propagated while training, and the splats that come of them.
+//! Depths that are propagated during training, and the splats that they add.
 
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ fn gspro(iterations: u32) -> Settings {
     s
 }
 
-/// The ground from twelve sides, with what stereo wants to know of it.
+/// The ground from twelve sides, with the input of stereo.
 fn input(settings: &Settings) -> Input {
     let mut input = plane_scene::input(VIEWS, SIZE.0, SIZE.1, 1200);
     let at = |k: u32| f64::from(k) * 0.25 - 2.9;
@@ -51,7 +51,7 @@ fn input(settings: &Settings) -> Input {
     input
 }
 
-/// Without the splats where x is positive.
+/// The input without splats at positive x.
 fn half(mut input: Input) -> Input {
     let all = input.initial;
     let kept: Vec<usize> = (0..all.len()).filter(|i| all.means[3 * i] < 0.0).collect();
@@ -84,11 +84,11 @@ fn splats_are_added_where_propagated_and_rendered_depths_differ() {
     assert!(new.len() > 30, "{} splats added", new.len());
     let share = |good: &dyn Fn(&&&[f32]) -> bool| new.iter().filter(good).count() as f64 / new.len() as f64;
     let (empty, ground) = (share(&|m| m[0] > -0.3), share(&|m| m[2].abs() < 0.15));
-    assert!(empty > 0.8, "{empty} of {} where there was nothing", new.len());
+    assert!(empty > 0.8, "{empty} of {} on ground without splats", new.len());
     assert!(ground > 0.8, "{ground} of {} on the ground", new.len());
-    // Where all is rendered at its depth there is little to add.
+    // Few splats are added where rendered depths are right.
     let added = without.ids.len() - whole.initial.len();
-    assert!(4 * added < new.len(), "{added} where all is there, {} where half of it is", new.len());
+    assert!(4 * added < new.len(), "added: {added} to the whole ground, {} to half of the ground", new.len());
     // Every view that was propagated has a prior.
     let row = 1 + 2 * 64 * 48;
     assert_eq!(with.priors.len(), VIEWS * row);

@@ -1,4 +1,4 @@
-//! Splats of little weight in every photograph are dropped.
+//! Dropping splats with little weight in every photograph.
 
 use psrgs_vk::raster::{PLANES, Viewer};
 use psrgs_vk::train::settings::Method;
@@ -20,7 +20,7 @@ fn pruned() -> Settings {
     settings
 }
 
-/// How many splats of the model have less weight in every view.
+/// Number of splats with a weight below `LEAST` in every view.
 fn faint(gpu: &Gpu, trainer: &mut Trainer, views: usize) -> usize {
     let model = trainer.model().expect("a model");
     let splats = model.len() as u32;
@@ -67,7 +67,7 @@ fn splats_of_little_weight_are_dropped_when_growth_has_ended() {
             _ => {}
         }
     }
-    println!("{steps:?} of {count} and those");
+    println!("dropped {steps:?}, left {count}");
     assert!(matches!(steps[..], [(40, first), (49, _)] if first > 10), "{steps:?}");
     assert!(due > 10 && (due as u32) < count, "{due} dropped, {count} left");
     let state = trainer.snapshot().expect("a snapshot").state;
@@ -94,11 +94,11 @@ fn dropping_splats_keeps_replays_and_resumed_runs_bit_equal() {
     let mut late = pruned();
     late.density.prune_weight_from = 50;
     let kept = run(&gpu, input, &late, Pacing::default());
-    assert!(kept.state.ids.len() > truth.state.ids.len(), "neither step is that late");
+    assert!(kept.state.ids.len() > truth.state.ids.len(), "splats were dropped after the last step");
 }
 
-/// Changes at steps 10, 15, .. 40; the 5 views are passed three times in 15 steps,
-/// so lightest splats go before 16 and 31.
+/// Density changes at steps 10, 15, .. 40. Three passes over 5 views take 15 steps, so the lightest splats are dropped
+/// before steps 16 and 31.
 fn recycled(limit: u32) -> Settings {
     let mut settings = settings(60);
     (settings.density.densify_from, settings.density.densify_interval, settings.density.densify_until) = (9, 5, 45);
@@ -128,8 +128,8 @@ fn the_lightest_splats_make_room_where_a_limit_holds_growth_up() {
         }
     }
     assert_eq!((recycled_at, most), (vec![16, 31], 400));
-    assert!(count > 300, "what was dropped has come again: {count}");
-    // A limit that is not reached holds nothing up.
+    assert!(count > 300, "dropped splats were not replaced: {count}");
+    // A limit that is not reached drops nothing.
     let free = run(&gpu, input.clone(), &recycled(100_000), Pacing::default());
     let mut never = recycled(100_000);
     never.density.recycle_share = 0.0;
@@ -143,8 +143,8 @@ fn the_lightest_splats_make_room_where_a_limit_holds_growth_up() {
     stops_and_resumes_on(&gpu, &recycled(400), &input, &[14, 15, 16, 30]);
 }
 
-/// The limit is reached by the change right before the step at which the lightest splats may go: with events on their
-/// way the host used to decide by the count before that change.
+/// The limit is reached by the density change right before the step that may drop the lightest splats. With events in
+/// flight, the host must not decide by the count before that change.
 #[test]
 fn a_limit_just_reached_is_seen_with_any_events_in_flight() {
     let Some(gpu) = common::gpu() else { return };
@@ -157,7 +157,7 @@ fn a_limit_just_reached_is_seen_with_any_events_in_flight() {
     never.density.recycle_share = 0.0;
     assert!(one.state != run(&gpu, input.clone(), &never, Pacing::default()).state, "nothing was dropped");
     for events in [2, 4, 7] {
-        assert_same(&one.state, &with(events).state, &format!("{events} events on their way"));
+        assert_same(&one.state, &with(events).state, &format!("{events} events in flight"));
     }
     stops_and_resumes_on(&gpu, &settings, &input, &[15, 16]);
 }
@@ -174,14 +174,14 @@ fn nothing_is_dropped_where_density_stays_as_it_is() {
 #[test]
 fn without_room_to_weigh_them_splats_are_kept() {
     let Some(gpu) = common::gpu_with(|options| options.max_device_memory = Some(1 << 30)) else { return };
-    // Nothing else is to grow.
+    // No other buffer may grow.
     let one = Pacing { events_in_flight: 1, splat_capacity: 20_000, pair_capacity: 400_000, ..Pacing::default() };
     let mut trainer = Trainer::new(&gpu, plane_scene::input(5, 64, 48, 300), &pruned(), one, None).expect("a trainer");
     let (mut filled, mut warned, mut last) = (Vec::new(), 0, 0);
     while let Some(message) = trainer.next_message().expect("a message") {
         match message {
             Message::Step { step: 39, .. } => {
-                // What steps and counters take for a moment stays free.
+                // The memory that steps and counters take for a moment stays free.
                 for _ in 0..30 {
                     let tally = gpu.memory_use();
                     let half = ((tally.limit - tally.current) / 2) & !255;
@@ -192,7 +192,7 @@ fn without_room_to_weigh_them_splats_are_kept() {
                     }
                 }
             }
-            // The end is scored.
+            // Free memory for scoring the last step.
             Message::Step { step: 55, .. } => filled.clear(),
             Message::Step { step, .. } => last = step,
             Message::Pruned { dropped, .. } => panic!("{dropped} dropped"),
@@ -206,8 +206,8 @@ fn without_room_to_weigh_them_splats_are_kept() {
     assert!(warned == 2 && last == 60, "{warned} warnings, {last} steps");
 }
 
-/// A room around cameras that look at something in its middle: its walls are of splats larger than a tenth of the
-/// cameras' extent.
+/// A room around cameras that look at its middle. The splats of its walls are larger than a tenth of the cameras'
+/// extent.
 #[test]
 fn what_lies_far_beyond_the_cameras_is_not_dropped_for_its_size() {
     let Some(gpu) = common::gpu() else { return };
@@ -219,7 +219,7 @@ fn what_lies_far_beyond_the_cameras_is_not_dropped_for_its_size() {
         settings.run.deterministic = true;
         settings.run.eval_every = 0;
         settings.density.prune_weight = 0.0;
-        // So that nothing goes but for its size.
+        // So that splats are dropped for their size alone.
         settings.density.prune_unseen = false;
         settings.density.prune_opacity = 0.0;
         settings.density.prune_extent = share.unwrap_or(settings.density.prune_extent);

@@ -1,4 +1,4 @@
-//! Splats where no photograph looks, which come late.
+//! The skirt: splats where no photograph looks, which are added late.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use psrgs_vk::train::{Input, Message, Pacing, Settings, Trainer};
 use super::common::{gpu, plane_scene};
 use super::{assert_same, settings, stops_and_resumes_on};
 
-/// Of 60 steps: after growth, which ends at step 40, and after four fifths.
+/// The skirt comes before this step of 60: after growth, which ends at step 40, and after four fifths of the steps.
 const BEFORE: u32 = 49;
 const SPLATS: usize = 40;
 
@@ -21,7 +21,7 @@ fn with_skirt() -> (Settings, Input) {
     s.geometry.depth_prior = DepthPrior::Stereo;
     s.geometry.stereo_skirt = 0.25;
     let mut input = plane_scene::input(5, 64, 48, 300);
-    // Far beyond what the photographs show, where splats of no weight would be dropped.
+    // Far outside the photographs, where splats would be dropped for their weight.
     let mut skirt: Gaussians = plane_scene::splats(SPLATS);
     skirt.means.chunks_exact_mut(3).for_each(|mean| mean[0] += 100.0);
     input.optional.skirt = Some(Arc::new(skirt));
@@ -37,7 +37,7 @@ fn a_skirt_comes_once_after_what_would_drop_it_and_stays() {
     let Some(gpu) = gpu() else { return };
     let (settings, input) = with_skirt();
     let splats = input.initial.len() as u32;
-    // Room that is too small, and many events on their way.
+    // Small capacities and many events in flight.
     let tight = Pacing { events_in_flight: 7, splat_capacity: splats + 1, pair_capacity: 64, ..Pacing::default() };
     let mut states = Vec::new();
     for pacing in [Pacing::default(), tight] {
@@ -60,7 +60,7 @@ fn a_skirt_comes_once_after_what_would_drop_it_and_stays() {
     }
     assert_eq!(far(&states[0]), SPLATS);
     assert_same(&states[0], &states[1], "with little room");
-    // No more than may be.
+    // No more splats than the limit.
     let mut limited = settings;
     limited.density.max_splats = Some(splats);
     let mut trainer = Trainer::new(&gpu, input, &limited, Pacing::default(), None).expect("trainer");

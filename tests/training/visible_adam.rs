@@ -1,4 +1,4 @@
-//! `--visible-adam`: steps of the splats on the image alone.
+//! `--visible-adam`: optimiser steps of visible splats alone.
 
 use psrgs_vk::pass::counters;
 use psrgs_vk::train::settings::Settings;
@@ -7,10 +7,10 @@ use psrgs_vk::train::{Input, Pacing};
 use super::common::{self, plane_scene};
 use super::{Run, assert_same, run, settings, stops_and_resumes_on};
 
-/// Splats of this number and above are below the ground, where no camera looks.
+/// Splats from this index on are below the ground, where no camera looks.
 const SEEN: usize = 200;
 
-/// The plane scene with 300 splats, of which a third is out of sight.
+/// The plane scene with 300 splats, a third of which is out of sight.
 fn input() -> Input {
     let mut input = plane_scene::input(5, 64, 48, 300);
     for mean in input.initial.means.chunks_exact_mut(3).skip(SEEN) {
@@ -52,7 +52,7 @@ fn splats_out_of_sight_rest_and_the_others_learn() {
     assert!(last < 0.8 * first, "loss {first} -> {last}");
 }
 
-/// Where every photograph shows every splat there is nothing to leave out, and nothing to make up for.
+/// Where every photograph shows every splat, no step is left out, and none is made up for.
 #[test]
 fn with_everything_in_sight_it_is_the_same_bits() {
     let Some(gpu) = common::gpu() else { return };
@@ -63,7 +63,7 @@ fn with_everything_in_sight_it_is_the_same_bits() {
     let of = |settings: Settings| -> Run { run(&gpu, input.clone(), &fixed(settings), Pacing::default()) };
     let (mut all, mut listed) = (of(settings(25)), of(visible(25)));
     assert_eq!(all.state.counters[counters::VISIBLE], 40, "the last photograph shows them all");
-    // In which step a splat took its last stands in the fourth column.
+    // The fourth column has the last step of a splat.
     for run in [&mut all, &mut listed] {
         run.state.stats.iter_mut().skip(3).step_by(4).for_each(|last| *last = 0.0);
     }
@@ -71,7 +71,7 @@ fn with_everything_in_sight_it_is_the_same_bits() {
     assert_eq!(all.losses, listed.losses);
 }
 
-/// How far apart two runs end in their means, in terms of how far they went.
+/// Distance of two runs' final means, relative to the distance of means from their start.
 fn apart(one: &Run, other: &Run, input: &Input) -> f64 {
     let means = |run: &Run| {
         let mut rows: Vec<(u32, &[f32])> = run.state.ids.iter().copied().zip(run.state.params[0].chunks(3)).collect();
@@ -83,12 +83,12 @@ fn apart(one: &Run, other: &Run, input: &Input) -> f64 {
     distance(&one, &other) / distance(&one, &input.initial.means)
 }
 
-/// What is left out is made up for: the model ends where steps of all splats would have brought it,
-/// but for what is expected in advance.
+/// Left out steps are made up for: the model ends near the model of steps of all splats. The rest are moves that are
+/// expected in advance.
 #[test]
 fn splats_out_of_view_end_where_steps_of_all_splats_lead() {
     let Some(gpu) = common::gpu() else { return };
-    // From narrow pictures, each of which shows a part.
+    // Narrow photographs, each of which shows a part of the ground.
     let mut input = plane_scene::input(5, 64, 48, 300);
     for view in &mut input.train {
         (view.camera.fx, view.camera.fy) = (2.0 * view.camera.fx, 2.0 * view.camera.fy);
@@ -102,7 +102,7 @@ fn splats_out_of_view_end_where_steps_of_all_splats_lead() {
     assert!(off > 0.0 && off < 0.15, "apart by {off} of the way");
 }
 
-/// A step of several views is one of all splats.
+/// A step of several views moves all splats.
 #[test]
 fn all_are_caught_up_with_before_a_step_of_several_views() {
     let Some(gpu) = common::gpu() else { return };
@@ -121,7 +121,7 @@ fn stops_resumes_and_replays_are_bit_equal() {
     let mut packed = visible(60);
     packed.shortcuts.moment_bits = 16;
     stops_and_resumes_on(&gpu, &packed, &input, &[15, 40]);
-    // With too little room: what was lost is taken again.
+    // With too little room, so that lost events are replayed.
     let truth = run(&gpu, input.clone(), &visible(60), Pacing::default());
     let tight = Pacing { events_in_flight: 7, splat_capacity: 301, pair_capacity: 64, ..Pacing::default() };
     let forced = run(&gpu, input, &visible(60), tight);

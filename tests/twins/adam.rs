@@ -1,4 +1,4 @@
-//! `adam`: many steps against the f64 twin, rates of head and rest, gradients of every magnitude, non-finite gradients.
+//! `adam`: many steps against the f64 twin, rates of head and rest, gradients of all magnitudes, non-finite gradients.
 
 use psrgs_vk::pass::adam::{AdamSettings, PASS, Push};
 use psrgs_vk::twin::adam::{Element, adam};
@@ -8,14 +8,14 @@ use super::common::splats::seeded;
 use super::harness::{self, bytes, garbage};
 use super::projection_scene::{BEYOND, counts};
 
-/// One plane in device precision.
+/// One plane with its moments, in f32.
 struct Plane {
     param: Vec<f32>,
     first: Vec<f32>,
     second: Vec<f32>,
 }
 
-/// One step on the device; checks that what lies beyond the plane keeps its bits.
+/// One step on the device. Checks that buffers beyond the plane keep their bits.
 fn step(gpu: &Gpu, n: usize, push: &Push, grad: &[f32], plane: &mut Plane) {
     let tail = garbage(BEYOND);
     let padded = |values: &[f32]| [bytes(values), tail.clone()].concat();
@@ -28,7 +28,7 @@ fn step(gpu: &Gpu, n: usize, push: &Push, grad: &[f32], plane: &mut Plane) {
     }
 }
 
-/// Steps with fresh gradients, each compared from the state the device is in.
+/// Steps with new gradients; each is compared with a twin step from the device's state.
 fn steps(gpu: &Gpu, n: usize, row: u32, head: u32) {
     let mut random = seeded(u64::from(row) * 100 + n as u64);
     let elements = n * row as usize;
@@ -51,14 +51,14 @@ fn steps(gpu: &Gpu, n: usize, row: u32, head: u32) {
             adam(&push, lr, f64::from(g), element);
             let close = |got: f32, want: f64, bound: f64| (f64::from(got) - want).abs() <= bound;
             let eps = f64::from(f32::EPSILON);
-            // Sums may cancel: the bound is in the size of the terms.
+            // Sums may cancel: the bound is relative to the size of the terms.
             let terms = f64::from(before.1[i]).abs() + f64::from(g).abs();
             assert!(close(plane.first[i], want.1, eps * terms), "first {i} at {t}");
             assert!(close(plane.second[i], want.2, 2.0 * eps * want.2 + 1e-37), "second {i} at {t}");
             let (moved, here) = ((want.0 - f64::from(before.0[i])).abs(), want.0.abs());
             let bound = eps * here + 16.0 * eps * (moved + lr * terms / want.2.sqrt().max(1e-19));
             assert!(close(plane.param[i], want.0, bound), "param {i} at {t}: {} against {}", plane.param[i], want.0);
-            // The rate of the element shows in its first step, which is the rate times the gradient's sign.
+            // An element's first step is its rate times the gradient's sign.
             if t == 1 && g.abs() > 1e-9 {
                 assert!((moved / lr - 1.0).abs() < 1e-4, "element {i} of rows of {row} moved by {moved}, rate {lr}");
             }
@@ -66,7 +66,8 @@ fn steps(gpu: &Gpu, n: usize, row: u32, head: u32) {
     }
 }
 
-/// Constant gradients from 1e-25 to 1e+5, and poison: no step is longer than the method's bound, poison moves nothing.
+/// Constant gradients from 1e-25 to 1e+5, and non-finite ones: no step exceeds Adam's bound, and non-finite gradients
+/// move nothing.
 fn magnitudes(gpu: &Gpu) {
     let settings = AdamSettings::default();
     let grad: Vec<f32> = (-25..=18)
@@ -76,8 +77,8 @@ fn magnitudes(gpu: &Gpu) {
         .collect();
     let n = grad.len();
     let mut plane = Plane { param: vec![0.0; n], first: vec![0.0; n], second: vec![0.0; n] };
-    // Rows born late start with zero moments at an old step count: their first step is 0.1 / sqrt(0.001) = 3.2 rates
-    // long, and the longest of the following (1 - 0.9^k) / sqrt(1 - 0.999^k) <= 6.6.
+    // Rows born late start with zero moments at a high step count: the first step is 0.1 / sqrt(0.001) = 3.2 rates, and
+    // later steps are at most (1 - 0.9^k) / sqrt(1 - 0.999^k) <= 6.6 rates.
     for start in [1, 30_000] {
         let mut last = plane.param.clone();
         for t in start..start + 10 {
@@ -100,7 +101,7 @@ fn magnitudes(gpu: &Gpu) {
         }
         plane = Plane { param: vec![0.0; n], first: vec![0.0; n], second: vec![0.0; n] };
     }
-    // Moments at work, then poison: parameter and moments keep their bits.
+    // Nonzero moments, then a non-finite gradient: parameter and moments keep their bits.
     let mut busy = Plane { param: vec![0.5; n], first: vec![0.25; n], second: vec![0.125; n] };
     step(gpu, n, &Push::new(&settings, 9, 1, 0, 1.0, 1e-3), &grad, &mut busy);
     for (i, g) in grad.iter().enumerate().filter(|(_, g)| !g.is_finite() || g.abs() > 4e18) {

@@ -1,5 +1,5 @@
-//! `blend_backward` in all shapes and ways of adding up against the f64 twin; contributors as in the forward pass;
-//! equal bits of two runs with slots.
+//! `blend_backward` in all tile shapes and kinds of sums against the f64 twin. Contributors are those of the forward
+//! pass, and two runs with slots have equal bits.
 
 use psrgs_vk::pass::{Pass, blend_backward as passes, blend_forward::PAIR_COUNTS};
 use psrgs_vk::scene::random::Random;
@@ -19,7 +19,7 @@ enum Rows {
     Sums,
 }
 
-/// Passes that run on this device: side of the tiles, where sums go, width of emulated subgroups.
+/// Passes that run on this device, each with side of the tiles, target of the sums, and width of emulated subgroups.
 fn variants(gpu: &Gpu) -> Vec<(&'static Pass, usize, Rows, Option<u32>)> {
     let mut all = vec![
         (&passes::COLUMN_EMULATED_SLOTS, 8, Rows::Slots, None),
@@ -45,7 +45,7 @@ fn variants(gpu: &Gpu) -> Vec<(&'static Pass, usize, Rows, Option<u32>)> {
     all
 }
 
-/// The slot of each sorted pair: slots are numbered splat by splat.
+/// The slot of each sorted pair; slots are numbered splat by splat.
 fn slots(blend: &Blend<f32>) -> Vec<u32> {
     let mut order: Vec<usize> = (0..blend.sorted.len()).collect();
     order.sort_by_key(|&pair| blend.sorted[pair]);
@@ -56,7 +56,7 @@ fn slots(blend: &Blend<f32>) -> Vec<u32> {
     slots
 }
 
-/// Random gradients, 0 at pixels where f32 may decide otherwise.
+/// Random gradients, 0 at pixels where f32 may decide differently.
 fn upstream(blend: &Blend<f64>, seed: u64, clamp_gradient_passes: bool) -> Upstream<f64> {
     let mut draws = Random::new(seed);
     let (out, doubts) = (forward(blend), doubts(blend));
@@ -73,7 +73,7 @@ fn narrow(values: &[[f64; 4]]) -> Vec<u8> {
     bytes(&values.iter().map(|v| v.map(|x| x as f32)).collect::<Vec<_>>())
 }
 
-/// Buffers of a pass, outputs filled with garbage where the pass must write all, with zeros where it adds.
+/// Buffers of a pass: outputs are garbage where the pass must write every word, and zeros where it adds.
 fn buffers(blend: &Blend<f32>, up: &Upstream<f64>, rows: Rows) -> Vec<Vec<u8>> {
     let mut all = inputs(blend);
     all.extend([narrow(&up.image), bytes(&up.last), narrow(&up.grad_image), narrow(&up.grad_aux)]);
@@ -91,7 +91,7 @@ fn buffers(blend: &Blend<f32>, up: &Upstream<f64>, rows: Rows) -> Vec<Vec<u8>> {
     all
 }
 
-/// Rows of `width` floats per pair (slots) or per splat, as sums per splat in f64.
+/// Sums per splat in f64, from rows of `width` floats per pair (slots) or per splat.
 fn per_splat(blend: &Blend<f32>, rows: Rows, width: usize, buffer: &[u8]) -> Vec<f64> {
     let values: Vec<f32> = bytemuck::pod_collect_to_vec(buffer);
     let n = blend.splats.len();
@@ -123,8 +123,8 @@ fn exact(blend: &Blend<f64>, grads: &PairGrads<f64>) -> (Vec<f64>, Vec<f64>) {
     (rows, normals)
 }
 
-/// Sums per splat of the absolute contributions of pixels (of up to four together in tiles of 16): what the errors of a
-/// sum that cancels are small against.
+/// Sums per splat of the absolute contributions of pixels (of up to four together in tiles of 16). Errors of sums that
+/// cancel are small against them.
 fn sizes(blend: &Blend<f64>, up: &Upstream<f64>) -> (Vec<f64>, Vec<f64>) {
     let n = blend.splats.len();
     let (mut rows, mut normals) = (vec![0.0; 12 * n], vec![0.0; 4 * n]);
@@ -148,10 +148,10 @@ fn sizes(blend: &Blend<f64>, up: &Upstream<f64>) -> (Vec<f64>, Vec<f64>) {
     (rows, normals)
 }
 
-/// What `check` compares.
+/// The sums that `check` compares.
 struct Compared<'a> {
-    /// Bound of the error of an element relative to the size of its contributions: 1e-4, and what is recovered behind
-    /// the splat (transmittance, colour) may have been rounded twice per layer.
+    /// Bound of an element's error relative to the size of its contributions: 1e-4, and two roundings per layer of the
+    /// transmittance and the colour behind the splat, which the backward pass recovers.
     bound: f64,
     width: usize,
     got: &'a [f64],
@@ -173,7 +173,7 @@ fn check(what: &str, columns: std::ops::Range<usize>, compared: &Compared<'_>) {
         );
     }
     let got: Vec<f32> = got.into_iter().map(|v| v as f32).collect();
-    // The other guards likewise: relative to the contributions, not to a sum that may cancel.
+    // The other guards are also relative to the contributions, not to a sum that may cancel.
     let norm = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>().sqrt();
     let sum = |values: &[f64]| values.iter().map(|v| v.abs()).sum::<f64>();
     let of_norm = compared.bound / 4.0 * norm(&sizes) / norm(&want).max(1e-300);
@@ -187,7 +187,7 @@ fn check(what: &str, columns: std::ops::Range<usize>, compared: &Compared<'_>) {
     );
 }
 
-/// A scene with random gradients and what the twin makes of them.
+/// A scene with random upstream gradients, and the twin's results.
 struct Case {
     name: String,
     blend: Blend<f32>,
@@ -202,7 +202,7 @@ fn cases(side: usize) -> Vec<Case> {
     let mut cases = Vec::new();
     for (number, scene) in hard_scenes().into_iter().enumerate() {
         for (aux, alpha_min) in [(false, ALPHA_MIN), (true, ALPHA_MIN), (false, EARLY_ALPHA_MIN)] {
-            // Every set of constants is a pipeline to make.
+            // Every set of constants needs a pipeline.
             if alpha_min != ALPHA_MIN && number % 4 != 0 {
                 continue;
             }
@@ -241,7 +241,7 @@ fn cases(side: usize) -> Vec<Case> {
 }
 
 fn against_twin(gpu: &Gpu, pass: &Pass, case: &Case, rows: Rows, width: Option<u32>) {
-    // lavapipe ends an invocation's loops after 65,535 rounds in all; those that emulate 15 sums of 64 lanes are most.
+    // lavapipe ends an invocation's loops after 65,535 iterations in all: too few for 15 emulated sums of 64 lanes.
     if width == Some(64) && case.longest > 65 && pass.kernel.name == passes::PIXEL_EMULATED_CAS.kernel.name {
         return;
     }
@@ -274,7 +274,7 @@ fn against_twin(gpu: &Gpu, pass: &Pass, case: &Case, rows: Rows, width: Option<u
     }
 }
 
-/// What the backward pass blends is what the forward pass of the same shape blended, undecided pixels included.
+/// The backward pass blends the pairs that the forward pass of the same shape blended, also in undecided pixels.
 fn contributors(gpu: &Gpu) {
     for (forward_pass, side) in shapes(gpu) {
         for scene in hard_scenes() {
@@ -304,10 +304,10 @@ fn contributors(gpu: &Gpu) {
     }
 }
 
-/// With culling, the gradients of a pair are the same bits, and so are those of splats whose pairs are added in one
-/// order: where there is a single tile, and a processor runs the subgroups of its workgroup in turn. Those of a GPU add
-/// in the order in which they arrive, with or without culling. Contributors are the same everywhere. With one set of
-/// constants, because each is a pipeline to make.
+/// Culling does not change the bits of a pair's gradients. Nor does it change sums per splat where pairs are added in a
+/// fixed order: in a single tile, on a CPU, which runs the subgroups of a workgroup in turn. Subgroups of a GPU add in
+/// the order of arrival, with and without culling. Contributors are equal everywhere. Tested with one set of constants,
+/// because each set needs a pipeline.
 fn culling(gpu: &Gpu, cases: &[Case]) {
     let (mut tiles, mut evaluated) = ([0, 0], [0, 0]);
     for case in cases.iter().filter(|case| case.blend.normals.is_some() && !case.up.clamp_gradient_passes) {
@@ -338,7 +338,7 @@ fn culling(gpu: &Gpu, cases: &[Case]) {
                 check(&what, 0..12, &Compared { bound, width: 12, got: &got_sums, want: &want_sums, sizes });
                 let (device, twin): (Vec<u32>, Vec<u32>) = (got.device(at + 2), got.twin(at + 2));
                 assert_eq!(device[3], all[3], "{what}: contributors");
-                // A subgroup that owns several blocks evaluates what touches any of them.
+                // A subgroup with several blocks evaluates splats that touch any of its blocks.
                 if gpu.caps().subgroup.width() <= block {
                     let off = device[2].abs_diff(twin[2]);
                     assert!(200 * off <= all[2], "{what}: {off} of {} evaluated", all[2]);

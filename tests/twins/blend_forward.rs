@@ -1,4 +1,4 @@
-//! `blend_forward` in all shapes against the f64 twin, within proven bounds, on scenes that have broken rasterizers.
+//! `blend_forward` in all tile shapes against the f64 twin, within proven bounds, on scenes that broke rasterizers.
 
 use psrgs_vk::pass::{Pass, blend_forward as passes};
 use psrgs_vk::scene::tile::ALPHA_MIN;
@@ -97,11 +97,11 @@ fn compare(what: &str, got: &Read, want: &Blended<f64>, blend: &Blend<f64>, doub
     }
 }
 
-/// Widths of subgroups, whose blocks are 4x2 to 16x16 pixels.
+/// Sizes of a subgroup's block in pixels: 4x2 to 16x16.
 pub const BLOCKS: [u32; 6] = [8, 16, 32, 64, 128, 256];
 
-/// The largest weights of splats, of scenes without pixels that f32 may decide otherwise.
-/// What stood there before stays where it is more.
+/// The largest weights of splats, in scenes without pixels that f32 may decide differently. Larger earlier weights
+/// stay.
 fn weights(gpu: &Gpu) {
     for (pass, side) in shapes(gpu) {
         let mut compared = 0;
@@ -132,8 +132,8 @@ fn weights(gpu: &Gpu) {
     }
 }
 
-/// With culling, image, auxiliary image and last contributors are the same bits, and what is evaluated is what the twin
-/// evaluates in its blocks.
+/// Culling does not change the bits of image, auxiliary image and last contributors, and device and twin evaluate equal
+/// numbers of splats in blocks.
 fn culling(gpu: &Gpu) {
     let mut shares = [0.0; BLOCKS.len()];
     let scenes = hard_scenes();
@@ -160,10 +160,9 @@ fn culling(gpu: &Gpu) {
             let counts: Vec<u32> = got.device(7);
             assert_eq!(counts[1], all[1], "{}, blocks of {block}: contributors", scene.name);
             blend.block = block_size(block);
-            // The device's own decisions about stopping: its image stands for the twin's where f32 may decide
-            // otherwise.
+            // Compared only where f32 cannot decide differently about stopping.
             if !doubts(&widen::<f64>(&blend)).iter().any(|d| d.undecided) {
-                // But for roots that a device may round otherwise.
+                // Up to square roots that a device may round differently.
                 let off = counts[0].abs_diff(forward(&blend).evaluated);
                 assert!(200 * off <= all[0], "{}, blocks of {block}: {off} of {} evaluated", scene.name, all[0]);
             }

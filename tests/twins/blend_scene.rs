@@ -1,5 +1,5 @@
-//! Scenes for the blending tests: splats on an image with their tile lists,
-//! and where the f32 device may decide otherwise.
+//! Scenes for the blending tests: splats on an image with their tile lists, and the pixels where the f32 device may
+//! decide differently.
 
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::ALPHA_MIN;
@@ -24,8 +24,8 @@ pub struct Scene {
     pub background: [f32; 3],
     /// In depth order.
     pub splats: Vec<[f32; 12]>,
-    /// Whether the tile lists hold every splat (else only those whose box of three to four deviations touches the
-    /// tile).
+    /// Whether every tile lists every splat; else a tile lists splats whose box of three to four deviations touches
+    /// the tile.
     pub everywhere: bool,
 }
 
@@ -117,9 +117,9 @@ pub fn widen<R: Real>(b: &Blend<f32>) -> Blend<R> {
     }
 }
 
-/// What f32 arithmetic may make of a pixel.
+/// Possible errors of f32 arithmetic in a pixel.
 pub struct Doubt {
-    /// A threshold may be decided the other way.
+    /// A threshold may be decided differently.
     pub undecided: bool,
     /// Bound of the error of sum w v for |v| <= 1, where decided.
     pub weights: f64,
@@ -127,18 +127,18 @@ pub struct Doubt {
     pub transmittance: f64,
 }
 
-/// The alpha below which an early step skips splats.
+/// Alpha below which an early step skips splats.
 pub const EARLY_ALPHA_MIN: f32 = 1.0 / 64.0;
 
-/// Error bounds of the f32 forward pass, and the pixels where it may fall on the other side of a threshold.
+/// Error bounds of the f32 forward pass, and the pixels that may fall on the other side of a threshold.
 ///
-/// With u = 2^-24: the exponent is -(x^2 + y^2) with x = p dx + q dy and y = r dy. p and r have 2u (half of the
-/// constant's and the product's, and the root's), q 5u (constant, product, division, p); the difference, the product
-/// and the sum of x add 3u, the products and the sum at the end 2u. So its error is at most u (2 |x| (5 |p dx| + 8 |q
-/// dy|) + 2 x^2 + 10 y^2), plus 2u |coordinate|
-/// |slope| for the rounding of the differences, which is u relative to the coordinate, not to the difference. exp2 adds
-/// 2^-21 (four times what an approximation of degree 5 may have), the product with the opacity u. Transmittance
-/// collects the errors of its factors, d alpha / (1 - alpha), and 2u a step.
+/// With u = 2^-24: the exponent is -(x^2 + y^2) with x = p dx + q dy and y = r dy. p and r have an error of 2u (half of
+/// the constant's and the product's, and the root's), q has 5u (constant, product, division, p). The difference, the
+/// product and the sum of x add 3u, the products and the sum at the end 2u. So the exponent's error is at most
+/// u (2 |x| (5 |p dx| + 8 |q dy|) + 2 x^2 + 10 y^2), plus 2u |coordinate| |slope| for the rounding of the differences,
+/// which is u relative to the coordinate, not to the difference. exp2 adds 2^-21 (four times the error of an
+/// approximation of degree 5), the product with the opacity u. Transmittance collects the errors of its factors,
+/// d alpha / (1 - alpha), and 2u per step.
 pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
     let u = 2.0f64.powi(-24);
     let least = f64::from(TRANSMITTANCE_MIN);
@@ -162,7 +162,7 @@ pub fn doubts(blend: &Blend<f64>) -> Vec<Doubt> {
                 let off = u * roundings + 2.0 * u * slopes * (x.max(y) as f64 + 1.0) + 2.0f64.powi(-21) + u;
                 let raw = row[5] * at.falloff;
                 doubt.undecided |= (raw / f64::from(blend.alpha_min) - 1.0).abs() <= off;
-                // Where the clamp sets in, gradients jump.
+                // At the clamp, gradients jump.
                 doubt.undecided |= (raw / 0.99 - 1.0).abs() <= off;
                 let alpha = at.alpha();
                 if alpha == 0.0 {
@@ -211,14 +211,14 @@ pub fn hard_scenes() -> Vec<Scene> {
         .map(|i| splat([20.0, 2.0 * f64::from(i)], [30.0, 0.05], f64::from(i) * 0.16, 0.9, 1.0, colour()))
         .collect();
     let faint = (0..40).map(|i| splat([f64::from(i), 10.0], [4.0, 4.0], 0.0, 1.3 / 255.0, 1.0, colour())).collect();
-    // Pixels stop after 30 to some hundred splats, each elsewhere: inside buckets and batches, and on their borders.
+    // Pixels stop after different numbers of splats, 30 to some hundred: inside and at the ends of buckets and batches.
     let stops = (0..300)
         .map(|i| {
             let mean = [f64::from(i * 7 % 22), f64::from(i * 5 % 18)];
             splat(mean, [7.0, 5.0], f64::from(i), 0.25, 2.0 + f64::from(i), colour())
         })
         .collect();
-    // Lists as long as a bucket, a batch, and one more, in tiles of 16.
+    // Lists with the length of a bucket or a batch, and one less or more, in tiles of 16.
     let lengths = [31, 32, 33, 255, 256, 257]
         .into_iter()
         .enumerate()

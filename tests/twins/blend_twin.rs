@@ -68,7 +68,7 @@ fn backward_is_the_derivative_of_forward() {
     for (seed, n, most) in [(1, 9, 0.9), (2, 25, 1.3), (3, 60, 0.3)] {
         let scene = Scene::random("random", seed, n, [19, 13], most);
         let mut blend = widen::<f64>(&scene.blend(8, true));
-        // Exactly what follows from the conic, as it is below.
+        // Derived from the conic, as below.
         blend.splats.iter_mut().for_each(|row| row[7] = row[4] - row[3] * row[3] / row[2]);
         let up = upstream(&blend, seed + 100);
         let (rows, normals) = per_splat(&blend, &up);
@@ -88,7 +88,7 @@ fn backward_is_the_derivative_of_forward() {
                 let want = difference(&|b, h| {
                     let row = &mut b.splats[splat];
                     row[place] += h;
-                    // Which is stored beside the conic.
+                    // The column that is stored beside the conic.
                     if (2..5).contains(&place) {
                         row[7] = row[4] - row[3] * row[3] / row[2];
                     }

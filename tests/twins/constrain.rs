@@ -1,4 +1,4 @@
-//! `constrain`, `grad2d_keep` and `grad2d_add`: bit by bit against their twins, and what they promise of each splat.
+//! `constrain`, `grad2d_keep` and `grad2d_add`: bit by bit against their twins, and their promises for each splat.
 
 use psrgs_vk::pass::constrain::{ADD, KEEP, PASS};
 use psrgs_vk::pass::counters::{self, CONSTRAINED, SPLATS};

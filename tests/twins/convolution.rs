@@ -1,5 +1,5 @@
-//! The convolution against its definition in double precision: strides, padding, slices of channels,
-//! and what is done to the result.
+//! The convolution against its definition in double precision: strides, padding, slices of channels, and operations on
+//! the result.
 
 use psrgs_vk::pass::convolution::{FLAG_ADD, FLAG_GATE, FLAG_RELU, PASS, Push};
 use psrgs_vk::scene::random::Random;

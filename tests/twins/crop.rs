@@ -1,4 +1,4 @@
-//! Windows of images, with masked pixels, and the way back for a gradient.
+//! Windows of images with masked pixels, and the way back of gradients.
 
 use psrgs_vk::pass::crop::{GRADIENT, GradientPush, PAIR, Push};
 use psrgs_vk::scene::random::Random;

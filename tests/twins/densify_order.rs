@@ -1,5 +1,5 @@
-//! The passes that bring the rows of a density change into Morton order, on random words and around workgroup edges,
-//! and a whole change with them: the same splats as without, along the curve.
+//! The passes that sort the rows of a density change into Morton order: on random words, around workgroup edges, and in
+//! a whole change, which must give equal splats along the curve.
 
 use psrgs_vk::pass::counters::{self, NEXT_ID, SCAN_TOTAL, SPLATS};
 use psrgs_vk::pass::densify_order::{BIRTHS, CODES, CodesPush, FLAGS, ORDER, Push};
@@ -48,7 +48,7 @@ pub fn run(gpu: &Gpu) {
         outcome.assert_same_bits(&format!("densify_flags of {n}"));
 
         let rows = n + n / 2;
-        // Coordinates at every scale, zeros of both signs and the largest among them.
+        // Coordinates at every scale, among them zeros of both signs and the largest numbers.
         let mut means: Vec<f32> =
             (0..3 * room).map(|_| random.between(-1.0, 1.0) * random.between(-20.0, 8.0).exp2()).collect();
         for (at, odd) in [0.0, -0.0, f32::MAX, f32::MIN, 2.0, -2.0, 30.0, -30.0].into_iter().enumerate() {
@@ -81,7 +81,7 @@ pub fn run(gpu: &Gpu) {
     }
 }
 
-/// Cells by comparison in f64 with where they are said to begin.
+/// Cells against their documented bounds in f64.
 #[test]
 fn cells_double_in_size_away_from_the_origin() {
     let scale = 0.5;
@@ -118,13 +118,13 @@ fn a_change_in_morton_order_keeps_splats_along_the_curve() {
             density_twin::change(&mut want, &rules, 9);
             let got = device.read();
             assert_same(&gpu, &device.read_by_birth(), &want, born);
-            // Rows that were not born now are where they were.
+            // Rows that were not born in this change keep their order.
             let along: Vec<(u32, u32)> = (got.rows().iter().filter(|row| row.id < born))
                 .map(|row| (code(std::array::from_fn(|k| row.planes[MEANS][k]), 4.0), row.id))
                 .collect();
             assert!(along.is_sorted(), "{along:?}");
             assert!(n < 500 || along.len() > 100 && got.counters[NEXT_ID] > born + 50, "{} of {n}", along.len());
-            // And on from there, to where there is no room: then nothing is written.
+            // Further changes until no room is left: then nothing is written.
             let zero = DensityRules { clone_threshold: 0.0, max_splats: None, ..rules };
             for event in [12, 15, 18] {
                 device.change(&zero, &[event]);

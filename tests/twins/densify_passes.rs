@@ -1,5 +1,5 @@
-//! The passes of density control one by one, on random words and around workgroup edges. What they do together, and
-//! against a reference of its own, is in `density` and `density_device`.
+//! The passes of density control one by one, on random words and around workgroup edges. `density` and `density_device`
+//! test whole changes against an independent reference.
 
 use psrgs_vk::pass::counters::{self, NEXT_ID, SCAN_TOTAL, SPLATS, STATUS};
 use psrgs_vk::pass::{
@@ -49,12 +49,12 @@ pub fn run(gpu: &Gpu) {
     }
 }
 
-/// Room for three splats more than there are.
+/// Capacity for three more splats.
 fn room(n: usize) -> usize {
     n + 3
 }
 
-/// Planes of a model, about one splat in ten of which has a value that is not finite.
+/// Planes of a model in which about one splat in ten has a value that is not finite.
 fn planes(random: &mut Random, stride: usize) -> [Vec<u8>; 8] {
     [3, 4, 3, 1, 12, 12, 12, 12].map(|width| {
         let mut plane = floats(random, width * stride, -1.0, 1.0);
@@ -159,7 +159,7 @@ fn scores(gpu: &Gpu, random: &mut Random, n: usize) {
         let (device, twin) = (outcome.device::<f32>(7), outcome.twin::<f32>(7));
         for (e, (d, t)) in device.iter().zip(&twin).enumerate() {
             let seen = e / 2 < n && tile_counts[e / 2] > 0;
-            // Errors are counted, so they are equal; square roots may differ in the last bits.
+            // Errors are counts, so they are equal. Square roots may differ in the last bits.
             let tolerance = if seen && e % 2 == 0 { 2e-6 * t.abs() } else { 0.0 };
             assert!((d - t).abs() <= tolerance, "densify_scores of splat {}: {d}, twin {t}", e / 2);
             assert!(seen || *d == before[e], "densify_scores of splat {}, which was not seen", e / 2);
@@ -209,7 +209,7 @@ fn axes(gpu: &Gpu, random: &mut Random, n: usize) {
     let quats = floats(random, 4 * room(n), -1.0, 1.0);
     let scales = floats(random, 3 * room(n), -12.0, 2.0);
     let mut moments = floats(random, 3 * room(n), -1e-6, 1e-6);
-    // Of the first splat nothing is known.
+    // The first splat has no moments.
     moments[..3].fill(0.0);
     let packed: Vec<u32> = moments.iter().map(|m| project_backward_adam_packed::pack(*m, m * m + 1e-14, 0)).collect();
     for packed_moments in [0, 1] {
@@ -274,24 +274,24 @@ fn gather(gpu: &Gpu, random: &mut Random, n: usize) {
     }
 }
 
-/// By how much a logit that was shared or has faded may differ from the twin's. Logits come from divisions and a square
-/// root; exponential and logarithm are sums of products that round alike everywhere.
-/// Near 0 and 1 the logit follows the last bit of the opacity.
+/// Largest difference from the twin of a logit that was shared or has faded. Logits come from divisions and a square
+/// root; exponential and logarithm are sums of products that round alike everywhere. Near 0 and 1, a logit follows the
+/// last bit of the opacity.
 ///
 /// Vulkan promises a quotient within 2.5 ulp and a square root, 1 / inversesqrt, within 4.5, beside half an ulp of the
-/// twin's own. In o = 1 / (1 + e) that is 3 ulp; o / (1 + s) with s = sqrt(1 - o) adds o / (2 s (1 + s)) of those, up
-/// to 2.3 times as much where a child does not just keep o (s > 0.18), 5 ulp of s / (1 + s), 3 of the quotient, 1 of
-/// each of two products: less than 17 in all. Of an opacity that is off by so much of itself the logit is off by that
-/// over 1 - o = 1 / (1 + exp(logit)).
+/// twin. So o = 1 / (1 + e) has 3 ulp. o / (1 + s) with s = sqrt(1 - o) adds these 3 ulp times o / (2 s (1 + s)), up to
+/// 2.3 where a child does not just keep o (s > 0.18), 5 ulp of s / (1 + s), 3 ulp of the quotient, 1 ulp of each of two
+/// products: less than 17 ulp in all. The logit's error is the relative error of the opacity over
+/// 1 - o = 1 / (1 + exp(logit)).
 pub(super) fn shared_logit_error(gpu: &Gpu, logit: f32) -> f32 {
     let last_bit = 2e-7 * (2.0 + logit.abs().min(16.0).exp());
     let promised = 17.0 * f32::EPSILON * (1.0 + logit.min(16.0).exp());
     last_bit + if harness::rounds_alike(gpu) { 0.0 } else { promised }
 }
 
-/// By how much of itself a child's way from its parent's centre may differ more than where roots and quotients are
-/// correctly rounded. With Vulkan's 4.5 and 2.5 ulp: a normal has a root in it, and a rotation products of two
-/// components of the quaternion, each divided by the root of a sum.
+/// Additional relative error of a child's offset from its parent, where roots and quotients are not correctly rounded.
+/// With Vulkan's 4.5 and 2.5 ulp: a normal has a root, and a rotation has products of two components of the quaternion,
+/// each divided by the root of a sum.
 pub(super) fn offset_error(gpu: &Gpu) -> f64 {
     if harness::rounds_alike(gpu) { 0.0 } else { (4.5 + 2.0 * (4.5 + 2.5)) * f64::from(f32::EPSILON) }
 }
@@ -302,7 +302,7 @@ fn means(gpu: &Gpu, random: &mut Random, n: usize) {
     let old_ids = random.words(room(n));
     let source = floats(random, 3 * room(n), -2.0, 2.0);
     let mut quats = floats(random, 4 * room(n), -1.0, 1.0);
-    // A quaternion of no length turns nothing.
+    // A zero quaternion is no rotation.
     quats[..4].fill(0.0);
     let scales = floats(random, 3 * room(n), -12.0, 2.0);
     let push = densify_means::Push { seed: random.word(), event: random.word(), along_axis: 0 };
@@ -351,7 +351,7 @@ fn stats(gpu: &Gpu, random: &mut Random, n: usize) {
     let outcome = harness::run(gpu, &densify_stats::PASS, &[], &buffers, &push, groups(room));
     let (device, twin) = (outcome.device::<f32>(3), outcome.twin::<f32>(3));
     for (e, (d, t)) in device.iter().zip(&twin).enumerate() {
-        // The fourth of a row is the optimiser's.
+        // The fourth column belongs to the optimiser.
         let (i, seen) = (e / 4, e / 4 < n && e % 4 < 3 && tile_counts[e / 4] > 0);
         assert!((d - t).abs() <= if seen { 2e-6 * t.abs() } else { 0.0 }, "densify_stats of splat {i}: {d}, twin {t}");
         assert!(seen || *d == before[e], "densify_stats of splat {i}, which was not seen");

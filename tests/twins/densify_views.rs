@@ -1,5 +1,4 @@
-//! Which views the rule of 3DGS counts, against the rule as that publication's program states it: whole tiles,
-//! in integers.
+//! The views that the rule of 3DGS counts, against the rule of that publication's program: whole tiles, in integers.
 
 use glam::{DMat3, DQuat, DVec3};
 use psrgs_vk::pass::camera::{Projection, clamp_limits};
@@ -13,8 +12,8 @@ use psrgs_vk::vk::Gpu;
 use super::harness::{self, Words, bytes};
 use super::projection_scene::{self as scene, BEYOND};
 
-/// Mean, half side of the square, and the number of tiles of 16 x 16 pixels between its corners, of a splat in front of
-/// the near plane. Covariances are multiplied out.
+/// Of a splat in front of the near plane: mean, half side of its square, and the number of tiles of 16 x 16 pixels
+/// between the corners. Covariances are multiplied out.
 fn square(splat: &Splat<f64>) -> Option<([f64; 2], f64, i64)> {
     let camera = scene::view();
     let world = DMat3::from_cols_array_2d(&camera.rotation).transpose();
@@ -48,10 +47,10 @@ fn tiles(at: [f64; 2], radius: f64) -> i64 {
     along(at[0], camera.width) * along(at[1], camera.height)
 }
 
-/// What the publication's program says, where rounding has no part in the answer.
+/// The answer of the publication's program; `None` where rounding may decide.
 fn expected(splat: &Splat<f64>) -> Option<bool> {
     let Some((at, radius, count)) = square(splat) else { return Some(false) };
-    // Squares that f32 cannot hold the variance of say nothing of where a splat is.
+    // Squares whose variance overflows f32 have no position.
     if radius > 1e12 {
         return None;
     }

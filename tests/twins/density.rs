@@ -1,4 +1,4 @@
-//! Density changes: sets, moments, identities, draws, limits and overflow, on the twins against a plain reference.
+//! Density changes of the twins against a plain reference: sets, moments, identities, draws, limits and overflow.
 
 use super::density_model::{MEANS, Model, QUATS, Row, SCALES, below, uniform};
 use super::{density_reference, density_twin};
@@ -7,7 +7,7 @@ use psrgs_vk::scene::random::Random;
 use psrgs_vk::train::density::{DensityRules, logit};
 use psrgs_vk::twin::random::{bits, normals};
 
-/// Rules whose borders lie among the values of random rows.
+/// Rules with thresholds among the values of random rows.
 pub(crate) fn rules() -> DensityRules {
     DensityRules {
         clone_threshold: 0.5,
@@ -40,7 +40,7 @@ pub(crate) fn random_rows(random: &mut Random, n: usize) -> (Vec<Row>, u32) {
     (rows, id + 1)
 }
 
-/// Equal but for the last bits of what was computed: the centres and scales of children.
+/// Equal up to the last bits of computed values: means and scales of children.
 fn assert_same(got: &[Row], want: &[Row], born: u32) {
     assert_eq!(got.len(), want.len());
     for (g, w) in got.iter().zip(want) {
@@ -59,8 +59,8 @@ fn assert_same(got: &[Row], want: &[Row], born: u32) {
     }
 }
 
-/// Splats that just reach or just miss a rule of [`rules`], each with how many rows it shall leave: kept,
-/// clones, children.
+/// Splats that just reach or just miss a threshold of [`rules`], each with the wanted numbers of kept rows, clones and
+/// children.
 pub(crate) fn borderline() -> Vec<(&'static str, Row, [usize; 3])> {
     // (score, views, log scale, logit) -> kept, clones, children; border ln 1.5, prune ln 2.2, logit of 0.4.
     let (border, giant, faint) = (1.5_f64.ln() as f32, 2.2_f64.ln() as f32, logit(0.4));
@@ -76,7 +76,7 @@ pub(crate) fn borderline() -> Vec<(&'static str, Row, [usize; 3])> {
         ("split threshold hit", 0.625, 1.0, up(border), 0.0, [0, 0, 2]),
         ("split threshold missed", down(0.625), 1.0, up(border), 0.0, [1, 0, 0]),
         ("opacity at its limit stays", 0.0, 1.0, 0.0, faint, [1, 0, 0]),
-        // The logit is negative: one bit more is smaller.
+        // The logit is negative, so the next bit pattern is smaller.
         ("opacity below its limit goes", 0.0, 1.0, 0.0, up(faint), [0, 0, 0]),
         ("a faint clone goes with its source", 1.0, 1.0, 0.0, up(faint), [0, 0, 0]),
         ("children of a faint splat go", 1.0, 1.0, up(border), up(faint), [0, 0, 0]),
@@ -182,7 +182,7 @@ fn identities_ascend_and_are_never_used_again() {
         }
         assert!(rows.iter().all(|r| r.id < model.counters[NEXT_ID]));
         assert!(rows.len() <= 400 && !rows.is_empty());
-        // New scores and sizes, so that every round has something to do.
+        // New scores and sizes, so that every round changes splats.
         let rows: Vec<Row> = rows
             .into_iter()
             .map(|r| {
@@ -210,8 +210,7 @@ fn a_limit_spreads_growth_evenly_and_removes_nothing() {
         density_twin::change(&mut model, &s, 2);
         let excess = (free.0.len() as u32).saturating_sub(max_splats).min(growth);
         assert_eq!(model.len() as u32, free.0.len() as u32 - excess);
-        // The same as if sources that are spread evenly in their order had never reached a threshold;
-        // none of them is pruned for it.
+        // As if sources, spread evenly in their order, had not reached a threshold. None of these sources is pruned.
         let mut calm = rows.clone();
         let grows = |r: &Row| {
             let (after, counts) = density_reference::change(std::slice::from_ref(r), &rules(), 2, born);
@@ -227,11 +226,11 @@ fn a_limit_spreads_growth_evenly_and_removes_nothing() {
         withdrawn.iter().for_each(|&i| calm[i].stats = [0.0; 4]);
         let kept: Vec<u32> = model.rows().iter().map(|r| r.id).filter(|&id| id < born).collect();
         assert!(ids.iter().all(|id| kept.contains(id)), "a source without room stays as it is");
-        // Giants stay here although an idle giant is pruned: compare the rest.
+        // Giants without room stay, although a giant that does not split is pruned: compare all others.
         let (want, _) = density_reference::change(&calm, &DensityRules { prune_scale: None, ..rules() }, 2, born);
         let want: Vec<u32> = want.iter().map(|r| r.id).filter(|id| ids.contains(id)).collect();
         assert_eq!(want.len(), ids.len());
-        // Those with room are cloned or split: a clone has its source's row beside it, a split takes it away.
+        // Sources with room are cloned or split: a clone keeps its source's row, a split removes it.
         let counted = model.counters[CLONED] + model.counters[SPLIT];
         assert_eq!(counted, growth - excess);
         for &i in sources.iter().filter(|i| !withdrawn.contains(i)) {
@@ -241,8 +240,8 @@ fn a_limit_spreads_growth_evenly_and_removes_nothing() {
     }
 }
 
-/// Which of `all` in a row have room where `some` have: a sum of `some` at each, from a place on,
-/// and room where it passes `all`.
+/// Which of `all` sources have room for `some`: an accumulator adds `some` per source, starting at `place`, and
+/// a source has room where the accumulator passes `all`.
 fn spread(all: u32, some: u32, place: u32) -> Vec<bool> {
     let mut sum = (place % all.max(1) + all - some) % all.max(1);
     let step = |_| {
@@ -308,7 +307,7 @@ fn children_have_the_parents_mean_and_covariance() {
     let q: [f64; 4] = std::array::from_fn(|k| f64::from(parent.planes[QUATS][k]));
     let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
     let (w, u) = (q[0] / norm, [q[1] / norm, q[2] / norm, q[3] / norm]);
-    // Columns of the rotation by v -> v + 2 w (u x v) + 2 u x (u x v), which is not how the passes have it.
+    // Columns of the rotation by v -> v + 2 w (u x v) + 2 u x (u x v), another formula than that of the passes.
     let cross =
         |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let axes: [[f64; 3]; 3] = std::array::from_fn(|j| {
@@ -357,7 +356,7 @@ fn draws_do_not_depend_on_the_place_in_the_buffers() {
         density_twin::change(&mut model, &rules(), 4);
         model.rows()
     };
-    // The same parents among others that stay: their children are the same, row by row.
+    // The parents among splats that stay: their children are equal, row by row.
     let mut mixed: Vec<Row> = parents.clone();
     mixed.extend((0..40).map(|i| Row::random(random, 3 * i + 1).with(0.0, 1.0, 0.0, 0.0)));
     mixed.sort_by_key(|r| r.id);
@@ -368,7 +367,7 @@ fn draws_do_not_depend_on_the_place_in_the_buffers() {
     for (a, b) in whole.iter().zip(&children) {
         assert_eq!(a.planes, b.planes);
     }
-    // Another event and another seed draw otherwise.
+    // Another event and another seed draw other numbers.
     for (seed, event) in [(7, 5), (8, 4)] {
         let mut model = Model::new(&parents, 200, 1000, random);
         density_twin::change(&mut model, &DensityRules { seed, ..rules() }, event);

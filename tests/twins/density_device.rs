@@ -1,4 +1,4 @@
-//! Density changes on the device against the twins of their passes: bit for bit where words are copied and counted.
+//! Density changes on the device against the twins: bit for bit where words are copied and counted.
 
 use std::collections::BTreeMap;
 
@@ -101,7 +101,7 @@ impl OnDevice {
         }
     }
 
-    /// The same with the rows in use in the order of birth, which is that of the twin.
+    /// As [`Self::read`], with the rows in the order of birth, which is the twin's order.
     pub(crate) fn read_by_birth(&self) -> Model {
         let model = self.read();
         let mut order: Vec<usize> = (0..model.len()).collect();
@@ -122,7 +122,7 @@ impl OnDevice {
         }
     }
 
-    /// Several changes in one submission: no count is known to the host between them.
+    /// Several changes in one submission: the host knows no count in between.
     pub(crate) fn change(&self, rules: &DensityRules, events: &[u32]) {
         let mut rec = self.gpu.recorder("density").unwrap();
         for &event in events {
@@ -136,12 +136,12 @@ impl OnDevice {
     }
 }
 
-/// All live rows equal in every bit but for centres of children, where square root and division are the device's.
+/// All live rows are equal in every bit, except for means of children, which use the device's square root and division.
 pub(crate) fn assert_same(gpu: &Gpu, got: &Model, want: &Model, born: u32) {
     assert_same_but_for(gpu, got, want, |row| row.id >= born);
 }
 
-/// The same where others than these rows have the centre of their source.
+/// As [`assert_same`], where all rows but those of `moved` have the mean of their source.
 fn assert_same_but_for(gpu: &Gpu, got: &Model, want: &Model, moved: impl Fn(&Row) -> bool) {
     assert_eq!(got.counters, want.counters);
     let n = want.len();
@@ -175,7 +175,7 @@ fn assert_same_but_for(gpu: &Gpu, got: &Model, want: &Model, moved: impl Fn(&Row
     }
 }
 
-/// Every word equal, spare room included; the counters aside.
+/// Every word is equal, including spare room, except the counters.
 fn assert_unchanged(got: &Model, want: &Model) {
     for p in 0..8 {
         assert!(got.planes[p] == want.planes[p], "plane {p}");
@@ -200,7 +200,7 @@ fn device_follows_the_twin() {
             density_twin::change(&mut want, &rules, 9);
             let got = device.read_by_birth();
             assert_same(&gpu, &got, &want, born);
-            // Room that was and stays spare keeps its contents.
+            // Room that stays spare keeps its contents.
             let spare = n.max(want.len());
             assert_eq!(got.ids[spare..], want.ids[spare..]);
         }
@@ -230,8 +230,8 @@ fn sampled_growth_follows_the_twin() {
         let device = OnDevice::new(&gpu, &want);
         device.change(&rules, &[9]);
         density_twin::change(&mut want, &rules, 9);
-        // A splat that becomes a child keeps its identity; where it then stands goes through a root and a division like
-        // every child's.
+        // A splat that becomes a child keeps its identity. Its mean goes through a root and a division, as of every
+        // child.
         let centres: BTreeMap<u32, &[f32]> = rows.iter().map(|row| (row.id, &row.planes[MEANS][..])).collect();
         let exact = rounds_alike(&gpu);
         let moved = |row: &Row| row.id >= born || !exact && centres[&row.id] != row.planes[MEANS];
@@ -242,8 +242,8 @@ fn sampled_growth_follows_the_twin() {
     assert_no_messages(&gpu);
 }
 
-/// Two children along the longest axis, or along that which the loss changes most along, each weighted by a half, have
-/// the mean and the covariance of their parent, and show at its centre what it showed.
+/// Two children along the longest axis, or along the axis of the largest change of the loss, have together the mean,
+/// the covariance and the opacity at the centre of their parent.
 #[test]
 fn children_along_the_axis_are_their_parent_together() {
     let cases = [([0.3_f64, -1.0, -0.5], 1.5_f64), ([-4.0, -2.0, -2.5], -3.0), ([0.0, 0.0, 0.0], 6.0)];
@@ -293,7 +293,7 @@ fn children_along_the_axis_are_their_parent_together() {
         let own = (half / f64::from(a.planes[SCALES][axis]).exp()).powi(2);
         let shown = 1.0 - (1.0 - child * (-0.5 * own).exp()).powi(2);
         assert!(child <= opacity(logit) + 1e-6 && shown <= opacity(logit) + 1e-5, "{shown} of {}", opacity(logit));
-        // Only what would make a child more opaque than its parent is cut.
+        // Opacity is reduced only where a child would be more opaque than its parent.
         assert!(
             child < 0.999 * opacity(logit) && (shown - opacity(logit)).abs() < 1e-5 || child > 0.999 * opacity(logit)
         );
@@ -301,7 +301,7 @@ fn children_along_the_axis_are_their_parent_together() {
     assert!((0..3).all(|axis| axes.contains(&axis)), "{axes:?}");
     assert!(
         axes.chunks(5).any(|case| case[2..].iter().any(|axis| *axis != case[0])),
-        "the gradient has a say: {axes:?}"
+        "the gradient does not choose the axis: {axes:?}"
     );
 }
 
@@ -359,7 +359,7 @@ fn overflow_writes_nothing_on_the_device() {
     let rows: Vec<Row> = (0..70).map(|i| Row::random(random, i).with(1.0, 1.0, 0.6, 0.0)).collect();
     let before = Model::new(&rows, 139, 70, random);
     let device = OnDevice::new(&gpu, &before);
-    // The second change would fit: it must not run either, for the first is lost.
+    // The second change would fit. It must not run either, because the first is lost.
     device.change(&rules(), &[1]);
     device.change(&DensityRules { max_splats: Some(100), ..rules() }, &[2]);
     let after = device.read();
@@ -369,7 +369,7 @@ fn overflow_writes_nothing_on_the_device() {
     expected[counters::SCAN_TOTAL] = after.counters[counters::SCAN_TOTAL];
     assert_eq!(after.counters, expected);
     assert_unchanged(&after, &before);
-    // With room, and the bit cleared, the lost change comes out as it would have at first.
+    // With room and a cleared status, the lost change gives the result without overflow.
     let mut roomy = Model::new(&rows, 200, 70, random);
     let grown = OnDevice::new(&gpu, &roomy);
     grown.change(&rules(), &[1]);

@@ -12,19 +12,19 @@ pub(crate) const QUATS: usize = 1;
 pub(crate) const SCALES: usize = 2;
 pub(crate) const OPACITIES: usize = 3;
 
-/// A splat with all that belongs to it.
+/// A splat with parameters, moments, statistics and identity.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Row {
     pub(crate) planes: [Vec<f32>; 8],
     /// First moments of the planes, then second moments.
     pub(crate) moments: [Vec<f32>; 16],
     pub(crate) stats: [f32; 4],
-    /// Mask value times absolute gradient, and views in which it is wrong.
+    /// Mask value times absolute gradient, and number of views with a large error.
     pub(crate) scores: [f32; 2],
     pub(crate) id: u32,
 }
 
-/// Everything that a density change reads and writes and that outlives it, with room for `capacity` splats.
+/// The buffers that a density change reads and writes and that outlive it, with room for `capacity` splats.
 #[derive(Clone, Debug)]
 pub(crate) struct Model {
     pub(crate) capacity: usize,
@@ -47,7 +47,7 @@ pub(crate) fn below(random: &mut Random, n: usize) -> usize {
 }
 
 impl Row {
-    /// Random values; scales around 1 and opacities around a half, so that rules can be aimed at either side.
+    /// Random values; scales around 1 and opacities around a half, so that thresholds can lie on either side.
     pub(crate) fn random(random: &mut Random, id: u32) -> Self {
         let mut planes = WIDTHS.map(|w| (0..w).map(|_| uniform(random, -1.0, 1.0)).collect::<Vec<f32>>());
         planes[QUATS][0] += 0.1;
@@ -77,7 +77,7 @@ impl Row {
 
 /// Puts rows into planes.
 impl Model {
-    /// The spare room is filled with words that would show if they were used: NaNs among them.
+    /// Fills the spare room with words whose use would show, among them NaNs.
     pub(crate) fn new(rows: &[Row], capacity: usize, next_id: u32, random: &mut Random) -> Self {
         assert!(rows.len() <= capacity && capacity > 0);
         let mut plane = |width: usize, take: &dyn Fn(&Row) -> Vec<u32>| -> Vec<u32> {

@@ -1,11 +1,11 @@
-//! The density change of 3DGS in words of its paper and code, on a list of rows, in f64: clone, then split, then prune
-//! over what came out. Written without the twins.
+//! The density change of 3DGS by its paper and code, on a list of rows, in f64: clone, split, then prune the result.
+//! Shares no code with the twins.
 
 use super::density_model::{MEANS, OPACITIES, QUATS, Row, SCALES};
 use psrgs_vk::train::density::DensityRules;
 use psrgs_vk::twin::random::normals;
 
-/// What a change did.
+/// Numbers of a change's effects.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Counts {
     pub(crate) cloned: u32,
@@ -58,7 +58,7 @@ fn child(parent: &Row, which: u32, seed: u32, event: u32) -> Row {
     row
 }
 
-/// The rows after a change, in order, and what happened. Identities of new rows count from `next_id`.
+/// The rows after a change, in order, and the counts. Identities of new rows count from `next_id`.
 pub(crate) fn change(rows: &[Row], s: &DensityRules, event: u32, next_id: u32) -> (Vec<Row>, Counts) {
     let mut counts = Counts { bad: rows.iter().filter(|r| !finite(r)).count() as u32, ..Counts::default() };
     let border = s.split_scale.ln() as f32;

@@ -33,7 +33,7 @@ fn scan(flags: &[u32], counters: &mut [u32]) -> Vec<u32> {
     offsets
 }
 
-/// Changes the model, or only its status and wishes if it has no room.
+/// Changes the model. Without room, only its status and the needed capacity.
 pub(crate) fn change(model: &mut Model, settings: &DensityRules, event: u32) {
     let n = model.capacity;
     let stride = n as u32;

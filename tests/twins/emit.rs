@@ -1,5 +1,5 @@
-//! `emit` in all forms: every place and slot of the count is written, nothing else is; pairs that carry splats; counts
-//! that differ from the tiles, and a capacity too small.
+//! `emit` in all forms: every counted pair and slot is written, and nothing else. Also pairs that carry splats, counts
+//! that differ from the tiles, and a capacity that is too small.
 
 use psrgs_vk::pass::counters;
 use psrgs_vk::pass::emit::{PASS, Push, TOGETHER, TOGETHER_EMULATED};
@@ -81,11 +81,11 @@ fn case(gpu: &Gpu, n: usize, grid: &TileGrid, short: u32, adjust: impl Fn(usize,
         outcome
     };
     let outcome = run(&PASS, &[]);
-    // One tile a turn, as in pictures of few tiles.
+    // One tile per iteration, as in images with few tiles.
     if grid.counts().iter().product::<u32>() <= 32_767 {
         run(&PASS, &[("PER_TURN", 1)]);
     }
-    // All bits that the twin leaves, so also those of the form above.
+    // Equal bits as the twin, and so as the form above.
     if matches!(gpu.caps().subgroup, Subgroup::Hardware(_)) {
         run(&TOGETHER, &[]);
     }
@@ -93,7 +93,7 @@ fn case(gpu: &Gpu, n: usize, grid: &TileGrid, short: u32, adjust: impl Fn(usize,
         run(&TOGETHER_EMULATED, &[("EMULATED_WIDTH", width)]);
     }
     let carried = run(&PASS, &[("CARRIED", 1)]);
-    assert!(carried.device::<u32>(7).iter().all(|&w| w == POISON), "{what}: slots are written where there are none");
+    assert!(carried.device::<u32>(7).iter().all(|&w| w == POISON), "{what}: slots are written without slots");
     let [columns, rows] = grid.counts();
     for (i, most) in [(5, columns * rows + 1), (6, pairs), (7, n as u32)] {
         let words = outcome.device::<u32>(i);
@@ -106,14 +106,14 @@ fn case(gpu: &Gpu, n: usize, grid: &TileGrid, short: u32, adjust: impl Fn(usize,
 
 pub fn run(gpu: &Gpu) {
     let grid = |image, tile| TileGrid::new(image, tile);
-    // 129,600 tiles of one splat: more than the 65,535 turns that lavapipe allows the loops of a thread.
+    // 129,600 tiles of one splat: more than the 65,535 iterations that lavapipe allows the loops of a thread.
     case(gpu, 2, &TileGrid::new([3840, 2160], [8, 8]), 0, |_, count| count);
     for n in [0, 1, 63, 64, 65, 129, 1000] {
         case(gpu, n, &grid([640, 360], [16, 16]), 0, |_, c| c);
         case(gpu, n, &grid([70, 53], [8, 8]), 0, |_, c| c);
         case(gpu, n, &grid([1, 1], [16, 16]), 0, |_, c| c);
     }
-    // Counts that are wrong by some: the pass keeps to them.
+    // Wrong counts: the pass keeps to them.
     case(gpu, 500, &grid([640, 360], [16, 16]), 0, |i, c| match i % 3 {
         0 => c + 3,
         1 => c.saturating_sub(2),

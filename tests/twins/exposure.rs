@@ -1,5 +1,5 @@
-//! `exposure_apply`, `exposure_backward`, `exposure_step`: against f64, around workgroup edges; gradients against
-//! finite differences; the mean over photographs stays the identity.
+//! `exposure_apply`, `exposure_backward`, `exposure_step` against f64, around workgroup edges. Gradients against finite
+//! differences. The mean over photographs stays the identity.
 
 use psrgs_vk::pass::adam::AdamSettings;
 use psrgs_vk::pass::exposure::{self, NUMBERS, PIXELS, Push, ROW, StepPush};
@@ -23,7 +23,7 @@ fn close(got: f32, want: f64, bound: f64, what: &str) {
     assert!((f64::from(got) - want).abs() <= bound, "{what}: {got} instead of {want}, bound {bound:e}");
 }
 
-/// Rows of photographs that were trained for a while: deviations with moments, and in the last row their mean.
+/// Rows of photographs after some training: deviations with moments, and in the last row the mean.
 fn rows(random: &mut Random, views: usize) -> Vec<f32> {
     let mut rows: Vec<f32> = (0..exposure::floats(views)).map(|_| random.between(-0.1, 0.1)).collect();
     for v in 0..views {
@@ -40,7 +40,7 @@ fn pixels(random: &mut Random, count: usize, low: f32, high: f32) -> Vec<[f32; 4
     (0..count).map(|_| [0; 4].map(|_| random.between(low, high))).collect()
 }
 
-/// The passes over pixels. Behind the image the buffers go on, and stay as they are.
+/// The passes over pixels. Words behind the image must not change.
 fn over_pixels(gpu: &Gpu, random: &mut Random, count: u32) {
     let (views, view, room) = (3, 1, count as usize + 70);
     let rows = rows(random, views);
@@ -114,7 +114,7 @@ fn steps(gpu: &Gpu, random: &mut Random, views: usize, parts: usize) {
             if !touched {
                 assert_eq!(got.to_bits(), rows[i].to_bits(), "float {i} is of another photograph");
             } else if i < ROW * views + NUMBERS {
-                // A sum that nearly vanishes is uncertain by its rounding, and a step of Adam goes by its sign.
+                // Rounding may flip the sign of a sum near 0, and with the sign the step of Adam.
                 let k = i % NUMBERS;
                 let others = (0..views).filter(|v| *v != view as usize);
                 let last = |v: usize| f64::from(rows[ROW * v + 3 * NUMBERS + k]);
@@ -130,7 +130,7 @@ fn steps(gpu: &Gpu, random: &mut Random, views: usize, parts: usize) {
         }
         rows = got;
     }
-    // A gradient that says nothing moves nothing, and no workgroup does nothing.
+    // A zero gradient moves nothing, and a dispatch without workgroups does nothing.
     let push = StepPush::new(&AdamSettings::default(), pixels, [0, views as u32], [views as u32, 9], 0.01);
     let poison = vec![f32::NAN; NUMBERS * parts];
     for (grad, groups) in [(poison, 1), (vec![1.0; NUMBERS * parts], 0)] {
@@ -143,7 +143,7 @@ fn steps(gpu: &Gpu, random: &mut Random, views: usize, parts: usize) {
         let mean = ROW * views;
         assert_eq!(bytes(&device[..mean]), bytes(&by_twin[..mean]), "no step");
         for (got, want) in device[mean..].iter().zip(&by_twin[mean..]) {
-            // The mean is a sum in the same order over a number, which Vulkan promises within 2.5 ulp.
+            // The mean is a sum in a fixed order, divided by a number, a quotient within 2.5 ulp by Vulkan.
             close(*got, f64::from(*want), 3.0 * EPS * f64::from(want.abs()), "the mean without a step");
         }
     }

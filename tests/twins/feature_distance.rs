@@ -1,5 +1,5 @@
-//! The distance of features and its gradient against the definition in double precision, also where there are none;
-//! and the sums.
+//! The distance of features and its gradient against the definition in double precision, also for zero features, and
+//! the sums.
 
 use psrgs_vk::pass::feature_distance::{FLAG_GATE, FLAG_GRADIENT, PASS, Push, SUM, SumPush};
 use psrgs_vk::scene::random::Random;
@@ -12,7 +12,7 @@ use super::harness::{self, Words, bytes, garbage};
 fn case(gpu: &Gpu, pixels: usize, channels: usize, eps: f32, flags: u32) {
     let mut random = Random::new((pixels + channels) as u64);
     let mut features: Vec<f32> = (0..2 * pixels * channels).map(|_| random.between(-1.0, 2.0).max(0.0)).collect();
-    // Without features in the first image, in the second, in both; and equal ones.
+    // Zero features in the first image, the second, and both; and equal features.
     features[channels..2 * channels].fill(0.0);
     features[(pixels + 2) * channels..(pixels + 3) * channels].fill(0.0);
     for image in 0..2 {

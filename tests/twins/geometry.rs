@@ -1,5 +1,5 @@
-//! The geometry loss: each pass against its twin, their chain against the definition in f64,
-//! and the definition's differences.
+//! The geometry loss: each pass against its twin, the chain of passes against the definition in f64, and the twin's
+//! gradient against differences of the definition.
 
 use psrgs_vk::pass::geometry::{self as passes, Push, pack_prior};
 use psrgs_vk::pass::part_sum;
@@ -30,7 +30,7 @@ fn unit(v: [f32; 3]) -> [f32; 3] {
     v.map(|x| x / size)
 }
 
-/// Surface depth at a place of the view, both coordinates from 0 to 1.
+/// Surface depth at a position in the view, both coordinates from 0 to 1.
 fn surface(x: f32, y: f32) -> f32 {
     if x > 0.7 { 9.0 + y } else { 4.0 + 0.3 * (7.0 * x).sin() + 0.5 * y }
 }
@@ -42,7 +42,7 @@ fn view(size: [u32; 2], prior: [u32; 2], mask: Option<[u32; 2]>, edges: u32, bit
     let mut masked = 0;
     for k in 0..width * height {
         let (x, y) = ((k % width) as f32 / width as f32, (k / width) as f32 / height as f32);
-        // Away from the decision at 0.9, and some without anything at all.
+        // Away from the decision at 0.9, and some pixels without any splat.
         let transmittance = match random.word() % 8 {
             0 => random.between(0.15, 0.9),
             1 => [1.0, 0.0][(random.word() % 2) as usize],
@@ -101,7 +101,7 @@ fn view(size: [u32; 2], prior: [u32; 2], mask: Option<[u32; 2]>, edges: u32, bit
 }
 
 impl View {
-    /// In double precision.
+    /// The view in double precision.
     fn scene(&self) -> Scene<'_, f64> {
         let size = [self.push.mask_width as usize, self.push.mask_height as usize];
         let wide = |rows: &[[f32; 4]]| rows.iter().map(|row| row.map(f64::from)).collect();
@@ -126,7 +126,7 @@ impl View {
     }
 }
 
-/// Totals, dL/dT, dL/d(auxiliary image) and the three terms with their sum, by the twin in f64.
+/// Totals, dL/dT, dL/d(auxiliary image), and the three terms with their sum, by the twin in f64.
 struct Wanted {
     of_transmittance: Vec<f64>,
     of_aux: Vec<[f64; 4]>,
@@ -156,7 +156,7 @@ fn close(what: &str, got: &[f32], want: &[f32], bound: f32) {
     }
 }
 
-/// Every pass on what the one before it left on the device, against its twin; the end against f64.
+/// Every pass on the device's results of the pass before, against its twin; the final gradient against f64.
 fn check(gpu: &Gpu, v: &View, what: &str) {
     let pixels = v.image.len();
     let given = [("MASK", u32::from(v.mask.is_some())), ("PHOTOGRAPH_BITS", v.bits)];
@@ -196,7 +196,7 @@ fn check(gpu: &Gpu, v: &View, what: &str) {
         close(what, &second.device::<f32>(buffer)[..words], &second.twin::<f32>(buffer)[..words], 1e-3);
     }
 
-    // Against zeros, so that no digits are lost to what was there before.
+    // Added to zeros, so that no digits are lost to earlier values.
     let zeros = [&buffers[..5], &[bytes(&vec![0.0f32; 4 * pixels])], &buffers[6..]].concat();
     let second = harness::run(gpu, &passes::GRAD, &given, &zeros, &v.push, v.groups());
     let want = wanted(&v.scene());
@@ -205,7 +205,7 @@ fn check(gpu: &Gpu, v: &View, what: &str) {
     let got = second.device::<f32>(5);
     assert!(got.chunks(4).all(|row| row[..3] == [0.0; 3]), "{what}: the colour's gradient was touched");
     let of_transmittance: Vec<f32> = got.chunks(4).map(|row| row[3]).collect();
-    // Second differences of depths lose digits: their rounding is judged against the largest.
+    // Second differences of depths lose digits: rounding is judged against the largest.
     Guards::of(1e-3).check(&format!("{what}: dL/dT"), pixels, &of_transmittance, &want.of_transmittance);
     let aux = &second.device::<f32>(6)[..4 * pixels];
     for (name, part) in [("depth", 0..1), ("normal", 1..4)] {
@@ -233,7 +233,7 @@ pub fn run(gpu: &Gpu) {
         let v = view(size, prior, mask, edges, bits, 50 + k as u64);
         check(gpu, &v, &format!("{size:?}, prior {prior:?}, mask {mask:?}, edges {edges}, {bits} bits"));
     }
-    // Nothing there at all, and rubbish everywhere: zeros, or at least numbers.
+    // A view without splats, and one of garbage: zero gradients, or at least finite ones.
     let mut v = view([20, 10], [6, 5], Some([3, 3]), 0, 8, 70);
     v.image.iter_mut().for_each(|p| p[3] = 1.0);
     v.aux.fill([0.0; 4]);
@@ -252,7 +252,7 @@ pub fn run(gpu: &Gpu) {
     assert_eq!(finite_gradients(gpu, &v), 0);
 }
 
-/// Numbers that are not zero among the gradients and parts, all of which are finite.
+/// Number of nonzero gradients and parts. Panics where one is not finite.
 fn finite_gradients(gpu: &Gpu, v: &View) -> usize {
     let pixels = v.image.len();
     let (image, aux, prior) = (bytes(&v.image), bytes(&v.aux), bytes(v.prior.as_flattened()));
@@ -324,8 +324,8 @@ fn packed_priors_keep_what_they_hold() {
         assert!(((word >> 24) as f32 / 255.0 - confidence).abs() <= 0.5 / 255.0 + 1e-6);
         let got = prior_normal::<f64>(word).unwrap();
         let cosine: f64 = got.iter().zip(normal).map(|(a, b)| a * f64::from(b)).sum();
-        // Half a step of 1/2047 in both coordinates moves the octahedron's point by up to sqrt(6) times that, at a
-        // distance from the middle of at least 1/sqrt(3): 0.06 degrees.
+        // Half a step of 1/2047 in both coordinates moves the point of the octahedron by up to sqrt(6) half steps, at a
+        // distance of at least 1/sqrt(3) from the middle: 0.06 degrees.
         assert!(cosine > (1.0f64 / 15.0).to_radians().cos(), "{normal:?} became {got:?}");
     }
     for axis in [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [-0.0, -0.0, -1.0]] {

@@ -1,4 +1,5 @@
-//! The gradient-map loss: each pass against its twin, their chain against f64, and the definition's differences.
+//! The gradient-map loss: each pass against its twin, the chain of passes against f64, and the twin's gradient against
+//! differences of the definition.
 
 use psrgs_vk::loss::{GradientMapLoss, GradientMapWeights, Photograph, TextureMask};
 use psrgs_vk::pass::gradient_map::{self as passes, Push};
@@ -81,8 +82,8 @@ fn close(what: &str, got: &[f32], want: &[f32], bound: f32) {
     }
 }
 
-/// All passes on the device, each judged against its twin where `bound` is given. Gives the gradient of an image
-/// without one before, and the sums of the parts.
+/// All passes on the device, each against its twin where `bound` is given. Gives the gradient of the image, added to
+/// zeros, and the sums of the parts.
 fn on_device(gpu: &Gpu, v: &View, what: &str, bound: Option<f32>) -> (Vec<[f32; 4]>, Vec<f32>) {
     let pixels = v.image.len();
     let (width, height) = (v.push.width, v.push.height);
@@ -124,7 +125,7 @@ fn on_device(gpu: &Gpu, v: &View, what: &str, bound: Option<f32>) -> (Vec<[f32; 
     (bytemuck::pod_collect_to_vec(&grad.device[4]), bytemuck::pod_collect_to_vec(&terms))
 }
 
-/// The same as training records it.
+/// Gradient and terms, as training records the loss.
 fn composed(gpu: &Gpu, v: &View) -> (Vec<[f32; 4]>, Vec<f32>) {
     let upload = |name: &str, bytes: &[u8]| {
         let buffer = gpu.buffer(name, bytes.len() as u64, Memory::Device).unwrap();
@@ -163,8 +164,8 @@ fn check(gpu: &Gpu, v: &View, what: &str) {
     for (got, want) in terms.iter().zip([correlation, variation, mean, correlation + variation]) {
         assert!((f64::from(*got) - want).abs() < 1e-5, "{what}: {got} instead of {want}");
     }
-    // Added to what is there, and the same every time.
-    assert!(composed(gpu, v) == (got, terms), "{what}: composed it is another loss");
+    // Added to the earlier gradient, and equal in every run.
+    assert!(composed(gpu, v) == (got, terms), "{what}: the recorded loss differs");
 }
 
 pub fn run(gpu: &Gpu) {
@@ -181,7 +182,7 @@ pub fn run(gpu: &Gpu) {
         let v = view(size, mask, bits, variation, 20 + k as u64);
         check(gpu, &v, &format!("{size:?}, mask {mask:?}, {bits} bits, variation {variation}"));
     }
-    // A mask of nothing, flat pictures and a flat render: numbers, and no gradient of the correlation where the
+    // A zero mask, a flat photograph and a flat render: finite numbers, and no gradient of the correlation where the
     // photograph is flat.
     let mut v = view([70, 40], Some([4, 4]), 8, true, 60);
     v.mask = Some(vec![0; 16]);
@@ -198,7 +199,7 @@ pub fn run(gpu: &Gpu) {
     v.image.fill([0.25, 0.5, 0.75, 0.1]);
     let (grad, terms) = on_device(gpu, &v, "flat render", None);
     assert!(grad.iter().flatten().chain(&terms).all(|g| g.is_finite()));
-    // A render that is the photograph correlates with it.
+    // A render that equals the photograph has full correlation.
     let mut v = view([70, 40], None, 8, true, 63);
     for (p, c) in v.image.iter_mut().zip(unpack::<f32>(&v.target, 8)) {
         p[..3].copy_from_slice(&c);

@@ -1,4 +1,4 @@
-//! Runs a pass on the device, in each of its variants, and its twin on the CPU, on the same buffers.
+//! Runs a pass on the device in each of its variants, and its twin on the CPU, on equal buffers.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -9,14 +9,14 @@ use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::{self, TwinCall};
 use psrgs_vk::vk::{Addresses, DeviceKind, Gpu, Groups, Memory};
 
-/// What a dispatch left in its buffers, in binding order.
+/// The buffers after a dispatch, in binding order.
 pub struct Outcome {
-    /// By the device, through descriptors; within [`each_way`] also in other ways.
+    /// From the device, through descriptors; within [`each_way`] also in other ways.
     pub device: Vec<Vec<u8>>,
-    /// By the device, by address, where that was run beside it: on devices that [`rounds_alike`]. The same bits, but
-    /// for passes that add floats in the order in which threads arrive.
+    /// From the device, by address, on devices where [`rounds_alike`] holds. Equal bits, except for passes that add
+    /// floats in the order in which threads arrive.
     pub by_address: Option<Vec<Vec<u8>>>,
-    /// By the twin.
+    /// From the twin.
     pub twin: Vec<Vec<u8>>,
 }
 
@@ -51,20 +51,20 @@ pub fn bytes<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u8> {
     bytemuck::cast_slice(values).to_vec()
 }
 
-/// How a dispatch reaches its buffers.
+/// How a dispatch accesses its buffers.
 #[derive(Clone, Copy, PartialEq)]
 enum Way {
-    /// As training does.
+    /// As in training.
     Usual,
     ByAddress,
     /// Rows as texels, and everything else by address.
     TexelsByAddress,
-    /// With a descriptor per buffer even where the device reads rows as texels.
+    /// With a descriptor per buffer, even where the device reads rows as texels.
     WithoutTexels,
 }
 
-/// Whether every variant of a pass rounds alike, quotients and roots correctly: on processors. A compiler for a GPU may
-/// contract products and sums as it likes in each form, and divides within 2.5 ulp.
+/// Whether every variant of a pass rounds alike, with correctly rounded quotients and roots: on CPUs. A compiler for a
+/// GPU may contract products and sums differently in each form, and divides within 2.5 ulp.
 pub fn rounds_alike(gpu: &Gpu) -> bool {
     gpu.caps().kind == DeviceKind::Cpu
 }
@@ -73,8 +73,8 @@ thread_local! {
     static WAY: Cell<Way> = const { Cell::new(Way::Usual) };
 }
 
-/// Runs a case once where all variants of a pass leave the same bits, which [`run`] looks at; elsewhere in each way in
-/// which a pass can reach its buffers, so that each form is as near to the twin as the case wants it.
+/// Runs a case once on devices where all variants of a pass leave equal bits, which [`run`] checks. Elsewhere runs the
+/// case in each way of access, so that each form is held to the case's bounds.
 pub fn each_way(gpu: &Gpu, case: fn(&Gpu)) {
     case(gpu);
     if rounds_alike(gpu) {
@@ -97,7 +97,7 @@ fn has(gpu: &Gpu, pass: &Pass, way: Way) -> bool {
     }
 }
 
-/// What the device leaves in copies of `buffers`.
+/// Copies of `buffers` after a dispatch on the device.
 fn dispatch<P: bytemuck::NoUninit>(
     gpu: &Gpu,
     pass: &Pass,
@@ -132,14 +132,13 @@ fn dispatch<P: bytemuck::NoUninit>(
     bound.iter().map(|buffer| gpu.read(buffer).unwrap()).collect()
 }
 
-/// Whether a pass leaves the same bits every time: not where floats are added in the order in which threads arrive.
+/// Whether a pass leaves equal bits in every run: not where floats are added in the order in which threads arrive.
 fn repeats(pass: &Pass) -> bool {
     !["_atomic", "_cas"].iter().any(|ending| pass.kernel.name.ends_with(ending))
 }
 
-/// Place of these constants among the sets that a pass is run with. It is run in its other variants with the first ones
-/// only. Every set is a pipeline that takes a driver on a CPU up to seconds to make,
-/// and where buffers are does not depend on constants.
+/// Index of the constants among the sets with which a pass is run. Only the first sets run in the other variants: a
+/// driver on a CPU takes up to seconds for the pipeline of a set, and access to buffers does not depend on constants.
 fn place_of_set(pass: &Pass, given: &[(&str, u32)]) -> usize {
     static SETS: Mutex<BTreeMap<&str, Vec<String>>> = Mutex::new(BTreeMap::new());
     let set = format!("{given:?}");
@@ -151,9 +150,9 @@ fn place_of_set(pass: &Pass, given: &[(&str, u32)]) -> usize {
     })
 }
 
-/// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`. Where the device [`rounds_alike`],
-/// fails unless all variants of the pass leave the same bits; of a pass that does not repeat itself, the case has to
-/// look at [`Outcome::by_address`] as well.
+/// Runs `groups` workgroups of the pass and of its twin on copies of `buffers`. Where [`rounds_alike`] holds, fails
+/// unless all variants of the pass leave equal bits. For a pass that does not repeat its bits, the case has to check
+/// [`Outcome::by_address`] as well.
 pub fn run<P: bytemuck::NoUninit>(
     gpu: &Gpu,
     pass: &Pass,
@@ -186,7 +185,7 @@ pub fn run<P: bytemuck::NoUninit>(
     Outcome { device, by_address, twin }
 }
 
-/// Random numbers of 32 bits, as the device has them.
+/// Random 32-bit words, for the device's buffers.
 pub trait Words {
     /// The next word.
     fn word(&mut self) -> u32;
@@ -208,7 +207,7 @@ impl Words for Random {
     }
 }
 
-/// `count` words that mean nothing, for buffers that a pass writes.
+/// `count` meaningless words, for buffers that a pass writes.
 pub fn garbage(count: usize) -> Vec<u8> {
     bytes(&Random::new(count as u64 + 77).words(count))
 }

@@ -1,4 +1,5 @@
-//! The passes of the image loss against their twins, and their chain against the definition with all 121 taps in f64.
+//! The passes of the image loss against their twins, and the chain of passes against the definition with all 121 taps
+//! in f64.
 
 use psrgs_vk::pass::Pass;
 use psrgs_vk::pass::loss::{self as passes, LossLayout, Push, SumPush};
@@ -15,12 +16,12 @@ pub struct Pictures {
     pub height: usize,
     pub image: Vec<[f32; 4]>,
     pub target: Vec<u32>,
-    /// Of a channel of the target.
+    /// Bits of a channel of the target.
     pub bits: u32,
 }
 
 impl Pictures {
-    /// The same with 16 bits per channel, of which 257 times an 8-bit number says the same, plus `lower`.
+    /// The pictures with 16 bits per channel: 257 times the 8-bit value, which is the same colour, plus `lower`.
     fn deep(&self, mut lower: impl FnMut() -> u32) -> Self {
         let wide = |v: u8, lower: u32| (257 * u32::from(v) + lower).min(0xffff);
         let mut words = |p: [u8; 4]| {
@@ -49,11 +50,11 @@ fn pictures(
     Pictures { name, width, height, image, target, bits: 8 }
 }
 
-/// The subgroup's width, and the hardware's passes or the emulated ones, which run everywhere.
+/// Width of the subgroup, and which passes: the hardware's, or the emulated ones, which run everywhere.
 #[derive(Clone, Copy, PartialEq)]
 pub enum With {
     Hardware(u32),
-    /// Three rows a turn.
+    /// Three rows per iteration.
     Three(u32),
     /// A channel of a strip per subgroup.
     Apart(u32),
@@ -69,7 +70,7 @@ impl With {
         all
     }
 
-    /// Every set of constants is a pipeline, which takes long to make: 16 bits are tried with the widths of training.
+    /// Whether training uses this width. 16 bits are tested with such widths alone: pipelines take long to make.
     pub fn is_of_training(self) -> bool {
         !matches!(self, Self::Emulated(width) if width != passes::EMULATED_LANES)
     }
@@ -112,10 +113,10 @@ impl With {
     }
 }
 
-/// Weights of saliency 0 and 1, where pixels have any.
+/// Weights of saliency 0 and 1, where pixels have a saliency.
 pub type Weights = Option<[f32; 2]>;
 
-/// The whole loss on the device, as training records it.
+/// The whole loss on the device, as in training.
 pub fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, weights: Weights) -> (Vec<f32>, Vec<f32>) {
     let layout = with.layout(p.width, p.height, 16);
     let (width, height) = (layout.width, layout.height);
@@ -186,7 +187,7 @@ fn weighted_chain(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, accuracy: f6
     near("SSIM", ssim, want.ssim);
     near("L1", l1, want.l1);
     near("loss", total, want.total);
-    // One row: rounding of one pixel is judged against the picture's largest gradient.
+    // As one row: rounding of a pixel is judged against the picture's largest gradient.
     let flat: Vec<f64> = want.grad.iter().flatten().copied().collect();
     let bound = if flat.iter().all(|g| *g == 0.0) { 0.0 } else { 2e-4 };
     Guards::of(bound).check(&format!("{}: gradient", p.name), flat.len(), &grad, &flat);
@@ -302,15 +303,15 @@ fn run_with(gpu: &Gpu, with: With) {
     assert!(first == second, "two runs differ");
 }
 
-/// The values (total, L1, SSIM) of equal pictures. SSIM is exactly 1 at each pixel, and so is their sum over its number
-/// where the device divides correctly rounded; Vulkan promises 2.5 ulp.
+/// Checks the values (total, L1, SSIM) of equal pictures. SSIM is exactly 1 at each pixel. The mean is exactly 1 where
+/// the device rounds quotients correctly; Vulkan promises 2.5 ulp.
 fn assert_no_loss(gpu: &Gpu, values: &[f32], what: &str) {
     let off = if harness::rounds_alike(gpu) { 0.0 } else { 2.5 * f32::EPSILON };
     assert!((values[2] - 1.0).abs() <= off && values[0].abs() <= off, "{what}: {values:?}");
     assert_eq!(values[1], 0.0, "{what}: L1");
 }
 
-/// Against the definition, whatever the render shows there; and an alpha that is not 0 makes no difference at all.
+/// Masked pixels against the definition, whatever the render shows there. Alphas other than 0 make no difference.
 fn masked_pixels_have_no_part(gpu: &Gpu, with: With, random: &mut Random) {
     for (width, height) in [(9, 5), (33, 20), (75, 37)] {
         let mut noise = pictures("masked", width, height, |_, _| {
@@ -345,8 +346,8 @@ fn has_hardware(gpu: &Gpu) -> bool {
     matches!(gpu.caps().subgroup, Subgroup::Hardware(_))
 }
 
-/// 65535 = 255 * 257, and a quotient of floats is the one nearest to the true one: the same numbers, so the same bits
-/// of the loss wherever a device divides so. With lower digits it is another picture, and still the definition's.
+/// 65535 = 255 * 257, so correctly rounded quotients give equal colours and equal bits of the loss. With other low bits
+/// the pictures differ, and the loss follows the definition.
 fn sixteen_bits_are_eight_where_they_say_the_same(gpu: &Gpu, with: With, eight: &Pictures, random: &mut Random) {
     let (values, grad) = on_device(gpu, with, eight, 0.2, None);
     let (wide_values, wide_grad) = on_device(gpu, with, &eight.deep(|| 0), 0.2, None);
@@ -356,7 +357,7 @@ fn sixteen_bits_are_eight_where_they_say_the_same(gpu: &Gpu, with: With, eight: 
     let flat: Vec<f64> = grad.iter().map(|g| f64::from(*g)).collect();
     Guards::of(2e-4).check("gradient with 16 bits", flat.len(), &wide_grad, &flat);
     let deep = eight.deep(|| random.word() % 200);
-    assert_ne!(on_device(gpu, with, &deep, 0.2, None).0, wide_values, "the lower digits count");
+    assert_ne!(on_device(gpu, with, &deep, 0.2, None).0, wide_values, "the low bits have no effect");
     for lambda in [0.0, 0.2, 1.0] {
         chain(gpu, with, &deep, lambda, 2e-6);
     }
@@ -370,7 +371,7 @@ fn loss_twin_gradient_is_its_derivative() {
     let mut draw = || f64::from(random.between(0.0, 1.0));
     let image: Vec<[f64; 4]> = (0..width * height).map(|_| [draw(), draw(), draw(), 0.0]).collect();
     let photo: Vec<[f64; 3]> = (0..width * height).map(|_| [draw(), draw(), draw()]).collect();
-    // Every seventh pixel masked: it must have no part in value and gradient.
+    // Every seventh pixel is masked and must not affect value and gradient.
     let counts: Vec<bool> = (0..width * height).map(|k| k % 7 != 3).collect();
     let weights: Vec<f64> = saliency(image.len()).into_iter().map(|s| 0.3 + 0.7 * f64::from(s)).collect();
     let of = |image: &[[f64; 4]]| weighted_loss(image, &photo, &counts, &weights, (width, height), 0.4);

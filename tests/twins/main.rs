@@ -1,7 +1,7 @@
 //! Every registered pass against its twin.
 //!
-//! A module per pass (or per family of passes) with `pub fn run(gpu: &Gpu)`, and a line in [`cases!`] with the kernels
-//! it covers; a kernel without one fails [`every_pass_has_a_case`].
+//! A module per pass (or per family of passes) with `pub fn run(gpu: &Gpu)`, and a line in [`cases!`] with its kernels.
+//! A kernel without a line fails [`every_pass_has_a_case`].
 
 // Nothing of a test binary is reachable from outside.
 #![allow(unreachable_pub)]
@@ -123,12 +123,11 @@ fn every_pass_has_a_case() {
     assert!(unknown.is_empty(), "tests of passes that are not registered: {unknown:?}");
 }
 
-/// Runs cases under GPU-assisted validation, which checks each address of the form by address against the buffers that
-/// there are.
+/// Runs cases under GPU-assisted validation, which checks each access by address against all buffers.
 fn within_buffers(cases: &[fn(&psrgs_vk::vk::Gpu)]) {
     let assisted = |options: &mut psrgs_vk::vk::OpenOptions| {
         options.validation = psrgs_vk::vk::Validation::GpuAssisted;
-        // Guards would be part of the buffers.
+        // Guards would extend the buffers.
         options.canaries = false;
     };
     let Some(gpu) = common::gpu_with(assisted) else { return };
@@ -139,16 +138,16 @@ fn within_buffers(cases: &[fn(&psrgs_vk::vk::Gpu)]) {
     assert!(gpu.stats().by_address > 0);
 }
 
-/// Those that older layers follow too. Where a loop around an access takes no turn, layer 1.3.239 on Mesa 22.3 goes on
-/// to report addresses that lie in their buffer (`plan`, `slot_sum`, `emit`, `scan`),
-/// and its shaders are up to a hundred times slower.
+/// Cases that older layers handle. After a loop without an iteration around an access, layer 1.3.239 on Mesa 22.3
+/// reports addresses that lie in their buffer (`plan`, `slot_sum`, `emit`, `scan`). Its shaders are up to a hundred
+/// times slower.
 #[test]
 fn addresses_lie_in_their_buffers() {
     within_buffers(&[adam::run, compact::run, exposure::run, fill::run, pool::run, tile_ranges::run]);
 }
 
-/// Without those of the image loss and of the blend's backward, whose checks for races take more than twenty minutes:
-/// trainings in every form run them so.
+/// Without the image loss and the backward blending, whose checks for races take more than twenty minutes. Trainings in
+/// every form under validation include them.
 #[test]
 #[ignore = "minutes"]
 fn addresses_of_more_passes_lie_in_their_buffers() {
@@ -184,7 +183,7 @@ fn addresses_of_more_passes_lie_in_their_buffers() {
     ]);
 }
 
-/// Cases that take seconds on SwiftShader, and are within the same bounds there as elsewhere.
+/// Cases that take seconds on SwiftShader and keep their bounds there.
 const ON_SWIFTSHADER: [&str; 24] = [
     "adam",
     "compact",

@@ -1,5 +1,4 @@
-//! `photograph_reduce`: against the mean in f64, around the sizes that do not divide, with masked pixels,
-//! 8 and 16 bits.
+//! `photograph_reduce` against the mean in f64: sizes that are not divisible, masked pixels, 8 and 16 bits.
 
 use psrgs_vk::pass::photograph_reduce::{PASS, Push};
 use psrgs_vk::scene::random::Random;
@@ -43,7 +42,7 @@ fn one(gpu: &Gpu, random: &mut Random, [width, height, factor]: [u32; 3], bits: 
         assert_eq!(device[3] != 0, want.is_some(), "{width}x{height} by {factor}: pixel {k} counts");
         assert_eq!(device[3], twin[3]);
         for c in 0..3 {
-            // The nearest code; where two are as near, either.
+            // The nearest code, or either of two equally near ones.
             let exact = want.unwrap_or_default()[c] * white;
             for code in [device[c], twin[c]] {
                 let error = (f64::from(code) - exact).abs();
@@ -51,5 +50,5 @@ fn one(gpu: &Gpu, random: &mut Random, [width, height, factor]: [u32; 3], bits: 
             }
         }
     }
-    assert_eq!(device[used..], twin[used..], "what is behind the result");
+    assert_eq!(device[used..], twin[used..], "words behind the result changed");
 }

@@ -1,5 +1,5 @@
-//! Rows whose harmonics end at degree 1: the same bits as where degree 1 is all that is in use,
-//! and planes that end before them.
+//! Rows whose harmonics end at degree 1 (plain rows): equal bits as with degree 1 in use, and upper planes that end
+//! before the plain rows.
 
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::pass::project_backward_adam::StepCounts;
@@ -13,9 +13,9 @@ use super::project_backward_adam_packed::packed;
 use super::projection_scene as scene;
 
 const N: usize = 300;
-/// How many rows have all harmonics: a workgroup of them and a part of one.
+/// Number of rows with all harmonics: a workgroup and a part of one.
 const FULL: usize = 101;
-/// Planes of harmonics above degree 1, from a model's first.
+/// Planes of harmonics above degree 1 among a model's planes.
 const SH_HIGHER: std::ops::Range<usize> = 5..8;
 
 fn counts(plain: u32) -> Vec<u8> {
@@ -24,7 +24,8 @@ fn counts(plain: u32) -> Vec<u8> {
     bytes(&words)
 }
 
-/// The buffers with counters of so many plain rows, and the upper planes of the models at `models` cut before them.
+/// The buffers with counters of `plain` plain rows, and the upper planes of the models at `models` cut before these
+/// rows.
 fn cut(buffers: &[Vec<u8>], models: &[usize], plain: u32) -> Vec<Vec<u8>> {
     let mut out = buffers.to_vec();
     out[0] = counts(plain);
@@ -36,7 +37,7 @@ fn cut(buffers: &[Vec<u8>], models: &[usize], plain: u32) -> Vec<Vec<u8>> {
     out
 }
 
-/// Words of the rows in `rows` of a buffer with so many floats per row.
+/// The bytes of `rows` in a buffer with `width` floats per row.
 fn rows(buffer: &[u8], width: usize, rows: std::ops::Range<usize>) -> &[u8] {
     &buffer[4 * width * rows.start..4 * width * rows.end]
 }
@@ -61,12 +62,12 @@ fn plain_rows_are_drawn_with_degree_1() {
             assert_eq!(of(&some, FULL..N), of(&low, FULL..N), "degree {degree}, buffer {k}");
             assert_eq!(of(&none, 0..N), of(&low, 0..N), "degree {degree}, buffer {k}: all are plain");
         }
-        assert_eq!(all[9] == low[9], degree < 2, "degree {degree}: the colours say which is which");
+        assert_eq!(all[9] == low[9], degree < 2, "degree {degree}: colours do not tell the cases apart");
     }
     common::assert_no_messages(&gpu);
 }
 
-/// A step of the pass with these constants for the degree.
+/// The buffers after a step of the pass.
 fn stepped(gpu: &Gpu, pass: &Pass, case: &Case, buffers: &[Vec<u8>]) -> Vec<Vec<u8>> {
     harness::run(gpu, pass, &case.given(), buffers, &case.push, N.div_ceil(64) as u32).device
 }
@@ -74,7 +75,7 @@ fn stepped(gpu: &Gpu, pass: &Pass, case: &Case, buffers: &[Vec<u8>]) -> Vec<Vec<
 fn steps_of(gpu: &Gpu, pass: &Pass, packs: bool) {
     let steps = StepCounts { most: 9, opacities: Some(4) };
     for (degree, most) in [(3, 3), (2, 2), (2, 3), (1, 3), (1, 1)] {
-        // Which splats have gradients, and of what, does not depend on the degree in use.
+        // The splats with gradients do not depend on the degree in use.
         let of = |degree: u32, most: u32| {
             let form = Form { aux: false, shrink: 0.6, ..plain(steps) };
             let projection = Projection { sh_degree: degree, ..Projection::default() };
@@ -95,7 +96,7 @@ fn steps_of(gpu: &Gpu, pass: &Pass, packs: bool) {
         let begin = inputs(&all);
         let some = stepped(gpu, pass, &all, &cut(&begin, models, (N - FULL) as u32));
         let whole = stepped(gpu, pass, &all, &begin);
-        // The same numbers, but harmonics above degree 1 are neither looked at nor touched.
+        // Equal numbers, without reads and writes of harmonics above degree 1.
         let plain = stepped(gpu, pass, &low, &begin);
         for (&first, (k, width)) in
             models.iter().flat_map(|first| ROWS.into_iter().enumerate().map(move |r| (first, r)))

@@ -1,4 +1,4 @@
-//! `plan` and `finish`: counts around the edges of items and axes, capacities, and a status that stays.
+//! `plan` and `finish`: counts around the edges of workgroups and axes, capacities, and a status that stays.
 
 use psrgs_vk::pass::counters;
 use psrgs_vk::pass::finish;
@@ -17,7 +17,7 @@ fn case(gpu: &Gpu, status: u32, count: u32, push: &Push) -> Outcome {
     outcome
 }
 
-/// What was planned before goes when the event is void, and only then.
+/// Earlier entries are cleared exactly when the event is void.
 fn voids(gpu: &Gpu, status: u32, count: u32, push: &Push) {
     let outcome = case(gpu, status, count, push);
     let (before, after) = (outcome.device::<[u32; 4]>(1), case(gpu, status, count, &push.voiding(0)).device(1));

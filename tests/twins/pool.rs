@@ -1,4 +1,4 @@
-//! Pooling to the bit, with ties and windows that hang over, and its gradient against the definition.
+//! Pooling bit for bit, with ties and windows over the edge, and its gradient against the definition.
 
 use psrgs_vk::pass::pool::{BACKWARD, BackwardPush, FLAG_ADD, FLAG_GATE, FORWARD, Push, pooled};
 use psrgs_vk::scene::random::Random;

@@ -1,5 +1,5 @@
-//! The probes: copies to the bit; chains of operations whose roundings are the same however they are contracted, and
-//! exponentials that come to the same fixed point.
+//! The probes: copies bit for bit, chains of operations that round alike with and without contraction, and exponentials
+//! that converge to one fixed point.
 
 use psrgs_vk::pass::probe::{COPY, COPY_GROUPS, CopyPush, EXP2, MULTIPLY_ADD, RatePush};
 use psrgs_vk::scene::random::Random;
@@ -22,8 +22,8 @@ fn rates(gpu: &Gpu) {
         for (turns, groups) in [(0, 1), (1, 3), (9, 2), (1000, 2)] {
             let given = [("LOCAL_SIZE", local)];
             let threads = groups * local - 3;
-            // With a power of two as factor the product is exact, so a fused multiply-add rounds as the two operations
-            // do.
+            // With a power of two as factor the product is exact, so a fused multiply-add rounds like the two separate
+            // operations.
             let push = RatePush { turns, threads, a: 0.5, b: 0.75 };
             let sums = [garbage(threads as usize + 8)];
             let what = format!("{turns} turns of {threads} threads");
@@ -33,8 +33,7 @@ fn rates(gpu: &Gpu) {
             let outcome = harness::run(gpu, &EXP2, &given, &sums, &push, groups);
             let found = outcome.device::<f32>(0);
             for (t, sum) in found.iter().take(threads as usize).enumerate() {
-                // 2^-x draws near to its fixed point, so errors of 2^-20 of each exponential add up to less than twice
-                // that.
+                // 2^-x converges to its fixed point, so errors of 2^-20 per exponential add up to less than 2^-19.
                 let exact = chains(t as u32, turns, |x: f64| (-x).exp2());
                 assert!((f64::from(*sum) - exact).abs() < 8.0 * 2.0 * 2f64.powi(-20), "{what}: {sum} for {exact}");
             }

@@ -1,5 +1,5 @@
-//! `project`: every column against the f64 twin, tile counts against the shared test on the stored row,
-//! hard and poisoned splats.
+//! `project`: every column against the f64 twin, tile counts against the shared tile test on the stored row, hard and
+//! poisoned splats.
 
 use half::f16;
 use psrgs_vk::pass::camera::Projection;
@@ -18,8 +18,8 @@ use super::common::splats::{seeded, spread, to_scene};
 use super::harness::{self, Outcome};
 use super::projection_scene as scene;
 
-/// Columns of `splat2d` that belong together: the size of the terms they are sums of (a difference of such terms is as
-/// wrong as the terms), and the bound of their elements in that size. Means are pixels of an image of 200.
+/// Groups of columns of `splat2d`, each with the size of the terms that its elements sum (a difference of terms has the
+/// error of the terms), and the bound of elements relative to this size. Means are pixels of an image of 200.
 const COLUMNS: [(&str, &[usize], f64, f64); 5] = [
     ("mean", &[0, 1], 200.0, 4e-6),
     ("conic", &[2, 3, 4], 0.0, 2e-5),
@@ -64,7 +64,7 @@ fn dispatch(gpu: &Gpu, case: &Case<'_>) -> Outcome {
             *plane = harness::bytes(&halves);
         }
     }
-    // At least one group, so that a model of no splats is a dispatch that does nothing.
+    // At least one workgroup, so that an empty model is a dispatch that does nothing.
     let groups = case.model.len().div_ceil(64).max(1) as u32;
     let run = |pass| harness::run(gpu, pass, &constants, &buffers, &scene::push(&case.projection), groups);
     if case.halved {
@@ -74,13 +74,13 @@ fn dispatch(gpu: &Gpu, case: &Case<'_>) -> Outcome {
     if matches!(gpu.caps().subgroup, Subgroup::Hardware(8)) {
         let sparse = run(&SPARSE);
         for (k, (got, want)) in sparse.device.iter().zip(&outcome.device).enumerate() {
-            assert!(got == want, "buffer {k} where splats out of view are left out first");
+            assert!(got == want, "buffer {k} differs where splats out of view are left out first");
         }
     }
     outcome
 }
 
-/// Whether rounding may decide if the splat is culled: the verdict changes when depth, opacity or place move a little.
+/// Whether rounding may cull the splat: the verdict changes with small changes of depth, opacity or mean.
 fn undecided(splat: &Splat<f64>, view: &View<f64>, grid: &TileGrid) -> bool {
     let verdict = |view: &View<f64>| project(splat, view, Some(grid)).is_ok();
     let here = verdict(view);
@@ -141,7 +141,7 @@ fn compare(gpu: &Gpu, case: &Case<'_>, what: &str) -> usize {
         let mut device: Vec<f32> = each().map(|(i, c, _)| got[i][c] + size as f32).collect();
         let twin: Vec<f64> = each().map(|(_, c, p)| p.row()[c] + size).collect();
         if name == "opacity" && case.projection.antialias {
-            // The anti-aliasing factor holds the area of the shape before its dilation.
+            // The anti-aliasing factor depends on the area of the shape before its dilation.
             let of = |i: &usize| scene::condition(&Splat::of(case.model, *i), &view);
             let condition: Vec<f64> = pairs.iter().map(|(i, _)| of(i)).collect();
             device = eased(&device, &twin, &condition);
@@ -158,7 +158,7 @@ fn compare(gpu: &Gpu, case: &Case<'_>, what: &str) -> usize {
     } else {
         assert_eq!(outcome.device[11], untouched[11], "{what}: normals written without AUX");
     }
-    // Behind the last splat nothing changes, and of the counters at most that of bad splats.
+    // Words behind the last splat do not change, and of the counters at most that of bad splats.
     for (k, row) in [(9, 12), (10, 1), (11, 4)] {
         assert_eq!(outcome.device[k][4 * row * n..], untouched[k][4 * row * n..], "{what}: buffer {k} beyond its rows");
     }
@@ -184,8 +184,8 @@ fn sizes(gpu: &Gpu) {
     }
 }
 
-/// Splats of all sizes and shapes about the edges of the image, where a bound on their extent would first leave out one
-/// too many.
+/// Splats of all sizes and shapes about the edges of the image, where a bound of their extent that is too small would
+/// first leave out a splat.
 fn edges(gpu: &Gpu) {
     let camera = scene::view();
     let mut random = seeded(31);
@@ -194,7 +194,7 @@ fn edges(gpu: &Gpu) {
         for _ in 0..4000 {
             let mut splat = spread(&mut random, &camera, 1.0);
             let z = random.range(0.3, 8.0);
-            // Where an ellipse of this width may just reach a side of the image, on either side of that.
+            // Means around the distance at which an ellipse of this width just reaches a side of the image.
             let pixels = 10f64.powf(random.range(-1.0, 2.5));
             let out = pixels * random.range(0.0, 5.0);
             let along = random.range(-0.5, 1.5);
@@ -226,7 +226,7 @@ fn edges(gpu: &Gpu) {
     }
 }
 
-/// Fewer splats and tiles where splats are skipped sooner.
+/// Fewer splats and tiles where splats are skipped at a higher alpha.
 fn skipped_sooner(gpu: &Gpu) {
     let model = scene::ordinary(600, 7);
     let exact = Case::new(&model, Projection::default(), [16, 16], true);
@@ -239,7 +239,7 @@ fn skipped_sooner(gpu: &Gpu) {
     assert!(fewer.0 < all.0 && 10 * fewer.1 < 9 * all.1, "{fewer:?} of {all:?} splats and tiles");
 }
 
-/// With coefficients that half floats hold, the same as with those in 32 bits.
+/// Half floats against coefficients in 32 bits that half floats hold exactly.
 fn halved(gpu: &Gpu) {
     for (k, mut model) in [scene::ordinary(600, 9), scene::hard()].into_iter().enumerate() {
         let rounded = |v: &mut f32| *v = f16::from_f32(*v).to_f32();
@@ -260,7 +260,8 @@ fn hard(gpu: &Gpu) {
     }
 }
 
-/// Every parameter of a splat in turn is NaN or infinite: it is culled and counted, and its neighbours keep their bits.
+/// Every parameter of a splat in turn is NaN or infinite: the splat is culled and counted, and its neighbours keep
+/// their bits.
 fn poison(gpu: &Gpu) {
     let clean = scene::ordinary(64, 8);
     let projection = Projection::default();

@@ -1,4 +1,5 @@
-//! `project_backward`: every family of parameters against the f64 twin; culled rows; hard splats stay finite.
+//! `project_backward`: every family of parameters against the f64 twin, culled rows, and finite gradients of hard
+//! splats.
 
 use psrgs_vk::pass::camera::{CameraPush, Projection};
 use psrgs_vk::pass::project_backward::PASS;
@@ -15,7 +16,7 @@ use super::common::splats::{seeded, vector};
 use super::harness::{self, bytes, garbage};
 use super::projection_scene as scene;
 
-/// Families of a splat's 59 gradients, with the bound of their elements relative to the largest of the splat's family.
+/// Families of a splat's 59 gradients, with the bound of elements relative to the family's largest.
 const FAMILIES: [(&str, std::ops::Range<usize>, f64); 5] = [
     ("means", 0..3, 2e-4),
     ("quats", 3..7, 2e-4),
@@ -27,7 +28,7 @@ const FAMILIES: [(&str, std::ops::Range<usize>, f64); 5] = [
 /// Floats of a splat in each plane.
 const ROWS: [usize; 8] = [3, 4, 3, 1, 12, 12, 12, 12];
 
-/// Random gradients of the size that blending gives: those of a conic grow with the inverse conic.
+/// Random gradients in the size of those of blending: gradients of a conic grow with the inverse conic.
 fn random_gradient(random: &mut Random, conic: [f64; 3], aux: bool) -> Grad2d<f64> {
     let size = 1.0 / (conic[0] * conic[2]).sqrt();
     let row = std::array::from_fn(|k| match k {
@@ -108,7 +109,7 @@ fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what
             (0..n).flat_map(|i| Splat::<f32>::of(&device, i).to_array()[family.clone()].to_vec()).collect();
         let want: Vec<f64> = exact.iter().flat_map(|s| s.to_array()[family.clone()].to_vec()).collect();
         if name == "opacities" && projection.antialias {
-            // The anti-aliasing factor holds the area of the shape before its dilation.
+            // The anti-aliasing factor depends on the area of the shape before its dilation.
             let condition: Vec<f64> = (0..n)
                 .map(|i| if tiles[i] == 0 { 1.0 } else { scene::condition(&Splat::of(model, i), &view) })
                 .collect();
@@ -123,8 +124,7 @@ fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what
     seen
 }
 
-/// The same dispatch on top of other values: what it wrote before is added to those,
-/// and a culled splat keeps its own to the bit.
+/// The dispatch on other values: earlier results are added to them, and a culled splat keeps its values to the bit.
 fn adds(
     gpu: &Gpu,
     (buffers, push): (&[Vec<u8>], &CameraPush),
@@ -153,7 +153,7 @@ fn adds(
         for at in 0..row * tiles.len() {
             let want = f64::from(before[at]) + f64::from(more[at]);
             let wrong = (f64::from(now[at]) - want).abs();
-            // A sum may round differently where it is one operation with the product before it.
+            // A sum may round differently where it is fused with the product before it.
             let bound = 1e-6 * (f64::from(before[at]).abs() + f64::from(more[at]).abs());
             assert!(wrong <= bound, "{what}: {name} {at}: {} instead of {want}", now[at]);
             assert!(

@@ -25,7 +25,7 @@ pub(super) const ROWS: [usize; 8] = [3, 4, 3, 1, 12, 12, 12, 12];
 const RATES: LearningRates =
     LearningRates { means: 8e-4, quats: 1e-3, scales: 5e-3, opacities: 0.025, sh_base: 2.5e-3, sh_rest: 1.25e-4 };
 
-/// What a dispatch is given, and what f64 makes of it.
+/// The input of a dispatch, and its results in f64.
 pub(super) struct Case {
     pub(super) n: usize,
     pub(super) push: Push,
@@ -35,19 +35,19 @@ pub(super) struct Case {
     shrink: f32,
     steppers: Steppers,
     settings: AdamSettings,
-    /// In binding order. `stats` come last.
+    /// Buffers in binding order; `stats` is the last.
     pub(super) buffers: Vec<Vec<u8>>,
     camera: psrgs_vk::pass::camera::CameraPush,
     tiles: Vec<u32>,
     before: Vec<Stepped<f64>>,
-    /// The same where missed steps are made up for, and at what pace.
+    /// Results where missed steps are made up for, each with its pace.
     caught: Vec<(Stepped<f64>, Option<Pace>)>,
     want: Vec<Stepped<f64>>,
-    /// Gradients, and how wrong those of the device may be.
+    /// Gradients, and the bounds of the device's errors.
     gradients: Vec<([f64; PARAMETERS], [f64; PARAMETERS])>,
 }
 
-/// Which parameters a splat's error of an f32 gradient is judged together with, and its bound (see `project_backward`).
+/// The family of parameters against which an f32 gradient is judged, and its bound (see `project_backward`).
 fn family(k: usize) -> (std::ops::Range<usize>, f64) {
     match k {
         0..3 => (0..3, 2e-4),
@@ -62,11 +62,10 @@ fn model_of(splats: &[Splat<f64>]) -> Gaussians {
     scene::model(splats)
 }
 
-/// `degree` of the harmonics is in use and `most` was before: moments above are zero.
-/// Which of the moments' bits the device keeps.
+/// Rounds moments to the bits that the device keeps.
 pub(super) type Kept = fn(f64, f64) -> (f64, f64);
 
-/// What a step has.
+/// Options of a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Form {
     pub(super) aux: bool,
@@ -82,22 +81,23 @@ pub(super) struct Form {
     pub(super) beta2: f64,
 }
 
-/// A step of all parameters of all splats, with the published decay, on finite gradients of depth and normals too.
+/// A step of all parameters of all splats, with the published decay, on finite gradients, also of depth and normals.
 pub(super) fn plain(steps: StepCounts) -> Form {
     Form { aux: true, steps, poison: false, flatten: 0.0, shrink: 0.0, steppers: Steppers::All, beta2: 0.999 }
 }
 
-/// Who takes a step.
+/// The splats that take a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Steppers {
-    /// All.
+    /// All splats.
     All,
-    /// Those on the image, which make up for what they have missed.
+    /// Splats on the image, which also make up for missed steps.
     Listed,
-    /// None, but all make up for it.
+    /// No splat, but all make up for missed steps.
     CatchUp,
 }
 
+/// A step of `model`. Harmonics up to `most` have been in use: moments above are zero.
 pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: Form, kept: Kept) -> Case {
     let Form { aux, steps, poison, flatten, shrink, steppers, beta2 } = form;
     let n = model.len();
@@ -145,7 +145,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
                 bound * largest * if k == 10 { condition } else { 1.0 }
             });
         }
-        // Moments of the size that such gradients leave, in f32.
+        // Moments in the size that these gradients leave, in f32.
         let used = 11 + 3 * (most as usize + 1).pow(2);
         let f = |x: f64| f64::from(x as f32);
         let size: [f64; PARAMETERS] = g.map(|v| if v.is_finite() { v.abs().clamp(1e-6, 1e9) } else { 1.0 });
@@ -164,11 +164,10 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
     let given = of(shrinking(flattening(constants(&settings, most, aux), flatten), shrink), steppers);
     let values: Vec<u32> = given.iter().map(|(_, value)| *value).collect();
     let seen: Vec<u32> = (0..n as u32).filter(|i| tiles[*i as usize] > 0).collect();
-    // Steps are known modulo 2^16. What lies before the last time that all were caught up with is left over from other
-    // rows.
+    // Steps are known modulo 2^16. Steps before the last catch-up of all splats are remains of other rows.
     let now = push.flags >> STEP_SHIFT;
     let caught_up = now.wrapping_sub(60) & 0xffff;
-    // Some have moved in advance: by nothing, by too little, by too much.
+    // Some splats have moved in advance: by nothing, by too little, by too much.
     let last = |i: usize| {
         let advanced = [0, 0, 30, 200][(i / 3) % 4] as f32;
         (now.wrapping_sub(1 + (i as u32 * 7) % 90) & 0xffff) as f32 + 65536.0 * advanced
@@ -231,7 +230,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
     }
 }
 
-/// All that moments would ever move an element by, to a factor of the bias corrections, which is at most 4 here.
+/// Total move of an element by its moments, up to a factor of the bias corrections, which is at most 4 here.
 fn all_moves(rates: &LearningRates, adam: &AdamSettings, k: usize, first: f64, second: f64) -> f64 {
     let decay = adam.beta1 / adam.beta2.sqrt();
     let rate = match k {
@@ -273,7 +272,7 @@ impl Case {
         of(constants, self.steppers)
     }
 
-    /// On the device; what lies beyond the rows and what is only read keeps its bits.
+    /// Runs on the device. Words beyond the rows and read-only buffers must keep their bits.
     fn run(&self, gpu: &Gpu, what: &str) -> harness::Outcome {
         let groups = self.n.div_ceil(64).max(1) as u32;
         let outcome = harness::run(gpu, &PASS, &self.given(), &self.buffers, &self.push, groups);
@@ -292,7 +291,7 @@ impl Case {
         outcome
     }
 
-    /// What stands last in the rows of those that were stepped or moved is the step; all else is as it was.
+    /// Checks that the last column has the step for stepped and moved splats, and that all else is unchanged.
     pub(super) fn check_stats(&self, outcome: &harness::Outcome, what: &str) {
         let stats = self.buffers.len().min(outcome.device.len()) - 1;
         let mut want: Vec<f32> =
@@ -327,7 +326,7 @@ impl Case {
             let arrays = |s: &Stepped<f64>| [s.splat.to_array(), s.first.to_array(), s.second.to_array()];
             let ([p00, m00, v00], [p0, m0, v0], [p1, m1, v1]) = (arrays(before), arrays(caught), arrays(want));
             let (g, dg) = &self.gradients[i];
-            // A power by squares is wrong by as many roundings as it has factors.
+            // A power by squaring has as many roundings as factors.
             let slack = pace.map_or(0.0, |pace| (2.0 * f64::from(pace.missed) + 16.0) * eps);
             for k in 0..PARAMETERS {
                 let [p, m, v] = [params, first, second].map(|splat| f64::from(splat[k]));
@@ -355,7 +354,7 @@ impl Case {
                 );
                 let step = (p1[k] - p0[k]).abs();
                 let share = dm / m1[k].abs().max(1e-300) + dv / v1[k].max(1e-300) + 16.0 * eps;
-                // What was missed and what was moved by in advance may cancel.
+                // Missed moves and moves in advance may cancel.
                 let of_missed = match pace {
                     Some(_) => {
                         slack * ((p0[k] - p00[k]).abs() + all_moves(&RATES, &self.settings, k, m00[k], v00[k]))
@@ -370,7 +369,7 @@ impl Case {
         assert!(moved >= 10 * self.n, "{what}: only {moved} elements of {} splats moved", self.n);
     }
 
-    /// The same by `project_backward` and eight times `adam`.
+    /// Against `project_backward` and eight times `adam`.
     fn check_against_unfused(&self, gpu: &Gpu, steps: StepCounts, what: &str) {
         let groups = self.n.div_ceil(64).max(1) as u32;
         let of = |pass: &Pass, given: &[(&str, u32)], buffers: &[Vec<u8>], groups| {
@@ -412,7 +411,7 @@ impl Case {
 }
 
 pub fn run(gpu: &Gpu) {
-    // Elsewhere a compiler may contract the two forms' gradients differently: there the f64 twin bounds both.
+    // On a GPU, a compiler may contract the gradients of the two forms differently: the f64 twin bounds both.
     let same_bits = gpu.caps().kind == DeviceKind::Cpu;
     let all = StepCounts { most: 9, opacities: Some(4) };
     let form = plain(all);
@@ -449,7 +448,7 @@ pub fn run(gpu: &Gpu) {
             case.check_against_unfused(gpu, all, "hard splats");
         }
     }
-    // The splats on the image alone, and all that have missed steps. 70,000 wrap around.
+    // The splats on the image alone, and all with missed steps. Step 70,000 wraps around.
     for (k, projection) in scene::settings().into_iter().enumerate() {
         let most = projection.sh_degree.min(3);
         let beta2 = if k % 4 < 2 { 0.98 } else { 0.999 };
@@ -467,7 +466,7 @@ pub fn run(gpu: &Gpu) {
     }
 }
 
-/// The twin's adapter over raw buffers agrees with the typed twin, to f32.
+/// The twin on raw buffers agrees with the typed twin in f32.
 fn twin_adapter(gpu: &Gpu, steppers: Steppers) {
     let steps = StepCounts { most: 3, opacities: Some(2) };
     let form = Form { steppers, beta2: 0.98, ..plain(steps) };

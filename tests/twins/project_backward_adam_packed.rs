@@ -1,4 +1,4 @@
-//! `project_backward_adam_packed`: a step against f64 from the same moments, which it keeps in 16 bits each.
+//! `project_backward_adam_packed`, which keeps moments in 16 bits each: a step against f64 from equal moments.
 
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::pass::project_backward_adam::StepCounts;
@@ -11,13 +11,13 @@ use super::harness::{self, bytes};
 use super::project_backward_adam::{Case, Form, ROWS, Steppers, case, plain, splats_of};
 use super::projection_scene as scene;
 
-/// What is left of moments that are packed.
+/// Moments after packing.
 fn kept(first: f64, second: f64) -> (f64, f64) {
     let (first, second) = unpack(pack(first as f32, second as f32, 0));
     (f64::from(first), f64::from(second))
 }
 
-/// Half a unit of a half float, and a whole one of the eight bits of the second moment.
+/// Half a unit of the first moment's half float, and a whole unit of the second moment's eight bits.
 fn rounding(first: f64, second: f64) -> (f64, f64) {
     (first.abs() * 2f64.powi(-11) + second.sqrt() * 2f64.powi(-24), second * 2f64.powi(-8))
 }
@@ -44,7 +44,7 @@ fn run_case(gpu: &Gpu, case: &Case) -> harness::Outcome {
     outcome
 }
 
-/// Parameters and unpacked moments from what a dispatch left.
+/// Parameters and unpacked moments after a dispatch.
 fn unpacked(planes: impl Fn(usize) -> Vec<f32>, n: usize) -> [Vec<[f32; PARAMETERS]>; 3] {
     let params: Vec<Vec<f32>> = (5..13).map(&planes).collect();
     let words: Vec<Vec<f32>> = (13..21).map(&planes).collect();
@@ -88,8 +88,8 @@ pub fn run(gpu: &Gpu) {
     hard.judge(unpacked(|k| outcome.device(k), hard.n), rounding, "hard splats");
 }
 
-/// Random roundings have the twin's bits: where the moment itself has them (not the last bits of its f32), so has the
-/// word. Half of all words would differ otherwise.
+/// Random rounding has the twin's bits: words are equal where moments are, up to the last bits of their f32. With other
+/// random bits half of all words would differ.
 fn dithers_as_the_twin_does(outcome: &harness::Outcome, n: usize, what: &str) {
     let (mut same, mut words) = (0, 0);
     for k in 13..21 {

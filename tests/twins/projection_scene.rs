@@ -13,7 +13,7 @@ use super::harness::{bytes, garbage};
 /// Words of every buffer beyond what the pass may touch.
 pub const BEYOND: usize = 40;
 
-/// The camera of these tests.
+/// The camera of the projection tests.
 pub fn view() -> Camera {
     camera(200, 150)
 }
@@ -50,7 +50,7 @@ pub fn hard() -> Gaussians {
         push(&mut random, &|s| s.mean = to_scene(&view, [0.01, 0.02, 0.005 * f64::from(step)]));
     }
     for step in 0..40 {
-        // Steps that land on neither end of the field-of-view clamp, where rounding picks the side.
+        // Steps that avoid both ends of the field-of-view clamp, where rounding picks the side.
         let far = 0.21 * f64::from(step);
         push(&mut random, &|s| s.mean = at(far, 0.5 * far, 1.0));
         push(&mut random, &|s| s.mean = at(-far, far, 3.0));
@@ -75,7 +75,7 @@ pub fn hard() -> Gaussians {
     model(&splats)
 }
 
-/// The combinations of settings that the tests go through.
+/// The tested combinations of settings.
 pub fn settings() -> Vec<Projection> {
     (0..8)
         .map(|k| Projection {
@@ -93,7 +93,7 @@ pub fn counts(n: usize) -> Vec<u8> {
     counts_of(n, 7)
 }
 
-/// The same where so many of them are on the image.
+/// As [`counts`], with `visible` splats on the image.
 pub fn counts_of(n: usize, visible: usize) -> Vec<u8> {
     let mut words = [7u32; counters::COUNT];
     (words[counters::SPLATS], words[counters::PLAIN]) = (n as u32, 0);
@@ -101,7 +101,7 @@ pub fn counts_of(n: usize, visible: usize) -> Vec<u8> {
     bytes(&words)
 }
 
-/// The model's planes in binding order, each followed by words the pass must not read as splats.
+/// The model's planes in binding order, each followed by words that the pass must not read as splats.
 pub fn planes(model: &Gaussians) -> Vec<Vec<u8>> {
     let [sh0, sh1, sh2, sh3] = &model.sh;
     [&model.means, &model.quats, &model.scales, &model.opacities, sh0, sh1, sh2, sh3]
@@ -124,8 +124,8 @@ pub fn push(projection: &Projection) -> CameraPush {
     CameraPush::new(&view(), projection)
 }
 
-/// How much larger than rounding the errors of a splat's 2D shape may be: the rows of J W R S are differences
-/// (`u_k - ratio u_2`), and the area they span is a difference again (a cross product).
+/// Condition number of a splat's 2D shape: the rows of J W R S are differences (`u_k - ratio u_2`), and their area, a
+/// cross product, is a difference again.
 pub fn condition(splat: &Splat<f64>, view: &View<f64>) -> f64 {
     let (_, e) = geometry(splat, view);
     let norm = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();

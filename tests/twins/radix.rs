@@ -15,13 +15,13 @@ use super::harness::{self, Words, bytes, garbage};
 
 struct Shape<'a> {
     count: &'a Pass,
-    /// Of the groups shape: what makes places of rows.
+    /// The pass of the groups shape that turns rows into positions.
     rows: Option<&'a Pass>,
     scatter: &'a Pass,
     given: &'a [(&'a str, u32)],
-    /// More constants of the rows, and of the move.
+    /// Further constants of the pass over rows and of the pass that moves keys.
     more: [&'a [(&'a str, u32)]; 2],
-    /// Keys of a block, blocks of a workgroup.
+    /// Keys per block, and blocks per workgroup.
     block: u32,
     per_group: u32,
 }

@@ -1,4 +1,4 @@
-//! `saliency_plane`: against its twin in f64, smaller and larger than the mask, whole images and bands of their rows.
+//! `saliency_plane` against its twin in f64: smaller and larger than the mask, whole images and bands of rows.
 
 use psrgs_vk::pass::saliency_plane::{PASS, Push};
 use psrgs_vk::scene::random::Random;
@@ -37,7 +37,7 @@ pub fn run(gpu: &Gpu) {
                         "{who}, pixel {k} of {width}x{height} from row {top} of {of_height}: {v} for {want}"
                     );
                 }
-                assert_eq!(bytes(&got[pixels..]), buffers[1][4 * pixels..], "{who}: what is behind the image");
+                assert_eq!(bytes(&got[pixels..]), buffers[1][4 * pixels..], "{who}: words behind the image changed");
             }
         }
     }

@@ -1,5 +1,4 @@
-//! The passes of the prefix sum: each against its twin; the three together, and the one that does it all,
-//! against a plain sum.
+//! The passes of the prefix sum: each against its twin; the chain of three, and the single pass, against a plain sum.
 
 use psrgs_vk::pass::plan::NO_COUNTER;
 use psrgs_vk::pass::scan::{
@@ -26,7 +25,7 @@ fn chain(gpu: &Gpu, passes: [&Pass; 4], given: Constants<'_>, words: &[u32], pus
     let mut source = words.to_vec();
     source.extend(Random::new(3).words(8));
     let (source, counts) = (bytes(&source), bytes(&counts));
-    // One workgroup more than needed: it must touch nothing.
+    // One workgroup more than needed, which must write nothing.
     let groups = blocks as u32 + 1;
     let reduce =
         harness::run(gpu, passes[0], given, &[source.clone(), counts.clone(), garbage(blocks + 8)], push, groups);
@@ -68,7 +67,7 @@ pub fn run(gpu: &Gpu) {
     let hardware = [&REDUCE, &SPINE, &ADD, &ONCE];
     let wide = [&REDUCE, &SPINE, &ADD_ROWS, &ONCE_WIDE];
     let emulated = [&REDUCE_EMULATED, &SPINE_EMULATED, &ADD_EMULATED, &ONCE_EMULATED];
-    // As large as the words of a workgroup may be: 1,024 of them fit a word. The sums of the longer lists do not.
+    // The largest words whose sum over a workgroup (1,024 words) fits a word. Sums of longer lists do not fit.
     let mut source = Random::new(11);
     let mut words_of = |n: usize| source.words(n).into_iter().map(|w| w >> 10).collect::<Vec<_>>();
     let total = counters::SCAN_TOTAL as u32;
@@ -86,20 +85,20 @@ pub fn run(gpu: &Gpu) {
             chain(gpu, emulated, &[("EMULATED_WIDTH", width)], &sparse, &counted);
         }
     }
-    // One item per thread: a spine of several turns.
+    // One item per thread: a spine of several iterations.
     for n in [4095, 4096, 4097, 64 * 64 * 3 + 1] {
         let words = words_of(n);
         chain(gpu, hardware, &[("ITEMS", 1)], &words, &host(n));
         chain(gpu, wide, &[("ITEMS", 1)], &words, &host(n));
         chain(gpu, emulated, &[("ITEMS", 1), ("EMULATED_WIDTH", 32)], &words, &counted_words(&counted));
     }
-    // A table's size: ceil(n / 10) * 4 words.
+    // A count of words from a counter's table: ceil(n / 10) * 4.
     let table = Push { source: NO_COUNTER, count: 41, divide: 10, multiply: 4, predicate: 0, total };
     chain(gpu, hardware, &[], &words_of(20), &table);
-    // More blocks than one turn of the default spine.
+    // More blocks than one iteration of the default spine.
     let many = words_of((1 << 20) + 3 * 1024 + 5);
     chain(gpu, hardware, &[], &many, &host(many.len()));
-    // The largest sum that a word holds, and one more, by the first word of a later turn.
+    // The largest sum of a word, and one more through the first word of a later iteration.
     let mut edge = vec![1 << 20; 4096];
     edge[4095] -= 1;
     for more in [0, 1] {

@@ -1,4 +1,4 @@
-//! `slot_sum`: the same bits as its twin, around workgroup edges, with splats of no, one and many slots.
+//! `slot_sum`: equal bits as its twin, around workgroup edges, with splats of no, one and many slots.
 
 use psrgs_vk::pass::{counters, slot_sum};
 use psrgs_vk::scene::random::Random;
@@ -8,7 +8,7 @@ use super::harness::{self, Words, bytes, garbage};
 
 pub fn run(gpu: &Gpu) {
     let mut random = Random::new(9);
-    // Tiles of the largest splat: 129,600 are all tiles of 8x8 in an image of 3840x2160.
+    // Visible splats, and most tiles of a splat: 129,600 are all tiles of 8x8 in an image of 3840x2160.
     for (visible, most) in [(0usize, 300), (1, 129_600), (15, 300), (16, 7), (17, 8), (200, 300)] {
         for aux in [0, 1] {
             // Splats 0, 3, 6, ... are visible; the others' counts are 0.

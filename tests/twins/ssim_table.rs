@@ -1,12 +1,13 @@
-//! SSIM of the training loss and of the scores against numbers from outside, so that a constant or a window that is
-//! wrong in all of our implementations alike is seen.
+//! SSIM of the training loss and of the scores against numbers of another program, so that a constant or a window that
+//! is wrong in all implementations here shows.
 //!
-//! The numbers are of scikit-image 0.26, in double precision. Its windows are mirrored at the border and ours see zeros
-//! there, which a frame of zeros makes the same; `a` and `b` are arrays of integers, (height, width, 3):
+//! The numbers come from scikit-image 0.26, in double precision. At the border its windows are mirrored, and windows
+//! here see zeros. A frame of zeros makes both equal. `a` and `b` are arrays of integers (height, width, 3):
 //!
 //!     pad = lambda p: numpy.pad(p / 255.0, ((10, 10), (10, 10), (0, 0)))
-//!     _, full = skimage.metrics.structural_similarity(pad(a), pad(b), data_range=1.0, channel_axis=2, gaussian_weights=True,
-//!                                                     sigma=1.5, use_sample_covariance=False, full=True)
+//!     _, full = skimage.metrics.structural_similarity(
+//!         pad(a), pad(b), data_range=1.0, channel_axis=2, gaussian_weights=True, sigma=1.5,
+//!         use_sample_covariance=False, full=True)
 //!     full[10:-10, 10:-10].mean()
 
 use psrgs_vk::eval::ssim;
@@ -15,12 +16,12 @@ use psrgs_vk::twin::loss::loss;
 use super::common;
 use super::loss::{Pictures, With, on_device};
 
-/// A picture by its formula, which other programs can follow.
+/// A picture by a formula, for use in other programs.
 #[derive(Clone, Copy, Debug)]
 enum Picture {
-    /// All values.
+    /// All 8-bit values.
     Textured(usize),
-    /// Seven values next to each other: what SSIM says of them hangs on its constants.
+    /// Seven neighbouring values, whose SSIM depends strongly on its constants.
     Faint(usize),
     Half,
     Inverted,

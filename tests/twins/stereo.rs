@@ -1,5 +1,5 @@
-//! Stereo: pictures for sampling to the bit; sweeps and the check of views against double precision wherever no
-//! decision hangs by a rounding.
+//! Stereo: pictures for sampling bit for bit; sweeps and the check of views against double precision, except where
+//! rounding may decide.
 
 use psrgs_vk::pass::Pass;
 use psrgs_vk::pass::stereo::{
@@ -24,8 +24,8 @@ fn picture_rows(random: &mut Random, width: u32, height: u32) -> Vec<f32> {
         .collect()
 }
 
-/// Rows of a source that is `shift` to the side of the reference and a little turned. The way back is not the inverse
-/// of the way there: both are only numbers to a pass.
+/// Rows of a source at `shift` from the reference, slightly turned. The transform back is not the inverse of the
+/// transform to the source: a pass does not depend on it.
 fn link(shift: [f32; 2], size: [u32; 2], turn: f32) -> [[f32; 4]; LINK_ROWS] {
     let [width, height] = size.map(|v| v as f32);
     let [x, y] = shift.map(|v| v * FOCAL);
@@ -81,7 +81,7 @@ fn pictures(random: &mut Random) -> Pictures {
     Pictures { stride: stride as u32, blocks: all, links }
 }
 
-/// What a pixel must hold, or none where a rounding could decide otherwise.
+/// The wanted row of a pixel; `None` where rounding may decide.
 fn expected(sweep: &Sweep<'_, f64>, planes: &[[f64; 4]], pixel: u32) -> Option<[f64; 4]> {
     const BAND: f64 = 2e-4;
     let (window, middle) = (sweep.window(pixel), sweep.middle(pixel));
@@ -97,7 +97,7 @@ fn expected(sweep: &Sweep<'_, f64>, planes: &[[f64; 4]], pixel: u32) -> Option<[
             let may = window.textured() && possible(sweep.push, moved, middle);
             if may { Some(window.score(sweep, moved, middle)) } else { None }
         };
-        // Where a place leaves the picture, or a hypothesis what is possible, a score jumps.
+        // The score jumps where a sample leaves the picture, or a hypothesis its valid range.
         let (score, below, above) = (with(1.0), with(1.0 - 1e-6), with(1.0 + 1e-6));
         let steady = match (score, below, above) {
             (None, None, None) => true,
@@ -120,7 +120,7 @@ fn sweep_case(gpu: &Gpu, pass: &Pass, side: u32, step: u32, flags: u32, best: u3
     let [width, height] = SIZES[0];
     let planes = random_planes(&mut random, width * height);
     let start = flags & FLAG_START != 0;
-    // One colour, as the pass is used; at the start all of the list, with a part in front that is not to be looked at.
+    // Pixels of one colour, as in the sweeps; at the start all pixels, behind a part of the list that is not read.
     let list: Vec<u32> = (0..width * height).filter(|p| start || (p % width + p / width) % 2 == 1).collect();
     let first = if start { 7 } else { 0 };
     let push = SweepPush {
@@ -184,7 +184,7 @@ fn filter_case(gpu: &Gpu, needed: u32) {
     let mut random = Random::new(5 + u64::from(needed));
     let made = pictures(&mut random);
     let [width, height] = SIZES[0];
-    // Nearly the same surface in all, so that both outcomes are frequent.
+    // Nearly equal surfaces in all views, so that both outcomes are frequent.
     let planes: Vec<[f32; 4]> = random_planes(&mut random, 4 * made.stride)
         .iter()
         .map(|[d, gx, gy, score]| [0.5 + 0.02 * (d - 0.5), 0.1 * gx, 0.1 * gy, *score])

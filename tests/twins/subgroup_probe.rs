@@ -1,4 +1,4 @@
-//! Every subgroup operation, by the hardware and emulated at widths that the device may not have.
+//! Every subgroup operation, in hardware and emulated, also at widths that the device does not have.
 
 use psrgs_vk::pass::subgroup_probe::{EMULATED, LOCAL_SIZE, Push, RESULTS, SUBGROUP};
 use psrgs_vk::scene::random::Random;

@@ -1,4 +1,4 @@
-//! `tile_ranges`: no pairs, one tile, gaps, the filler number after the last tile.
+//! `tile_ranges`: no pairs, one tile, gaps, and the filler number after the last tile.
 
 use psrgs_vk::pass::counters;
 use psrgs_vk::pass::tile_ranges::{PASS, Push};
@@ -11,7 +11,7 @@ pub fn run(gpu: &Gpu) {
     let mut random = Random::new(53);
     for pairs in [0usize, 1, 2, 63, 64, 65, 1000] {
         for tiles in [1u32, 2, 50, 5000] {
-            // `tiles` itself stands for filled slots.
+            // The number `tiles` marks filler.
             let mut keys: Vec<u32> = (0..pairs).map(|_| random.word() % (tiles + 1)).collect();
             keys.sort_unstable();
             keys.extend(random.words(4));
@@ -29,7 +29,7 @@ pub fn run(gpu: &Gpu) {
                 vec![0; 8 * (tiles as usize + 2)],
             ];
             let groups = pairs.div_ceil(64).max(1) as u32;
-            // Where splats are carried, their list is nobody's to write.
+            // Where pairs carry splats, the pass must not write the list of splats.
             let carried = harness::run(gpu, &PASS, &[("CARRIED", 1)], &buffers, &Push { tiles }, groups);
             carried.assert_same_bits(&format!("tile_ranges of {pairs} carried pairs, {tiles} tiles"));
             assert_eq!(carried.device[4], buffers[4]);

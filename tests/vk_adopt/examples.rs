@@ -1,4 +1,4 @@
-//! The two examples: what they show, that they touch nothing of the host's, and that the layer has nothing to say.
+//! The two examples: their renders, no effect on objects of the host, and no message of the layer.
 
 use std::process::Command;
 
@@ -8,7 +8,7 @@ use psrgs_vk::train::Pacing;
 
 use super::{common, embed, hooks, host, training, view_while_training};
 
-/// Three balls where they should be, the host's line in the first row, and nothing elsewhere.
+/// Checks three balls, the host's line in the first row, and nothing elsewhere.
 fn check(picture: &Picture) {
     let shot = embed::shot(embed::FRAMES - 1);
     let (camera, rgb) = (shot.camera, picture.rgb8());
@@ -36,11 +36,11 @@ fn a_picture_is_drawn_between_the_hosts_own_submits() {
     let outcome = embed::run(&host, host.describe(Some(allocator.clone()))).unwrap();
     check(&outcome.picture);
     let (engine, own) = (outcome.submits, outcome.host_submits);
-    assert_eq!(host.turn.uses(), engine + own, "a submit for which the host's lock was not taken");
+    assert_eq!(host.turn.uses(), engine + own, "a submit without the host's lock");
     let (left, most) = allocator.lent();
     assert!(left == 0 && most > 10, "{left} blocks of {most} were not given back");
 
-    // What comes out as a file is what was rendered.
+    // The written file has the rendered pixels.
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("picture.png");
     let rgb = outcome.picture.rgb8();
@@ -67,8 +67,8 @@ fn a_hosts_device_gives_the_picture_of_our_own() {
 fn nothing_of_the_hosts_is_created_destroyed_or_waited_idle() {
     let Some(host) = host() else { return };
     let _turn = hooks::TURN.lock().unwrap();
-    // A call of a forbidden command, a submit elsewhere or outside of the lock,
-    // and the end of a foreign object end the process.
+    // A forbidden command, a submit to another queue or without the lock, and destroying a foreign object end the
+    // process.
     let allocator = embed::host::memory::Allocator::new(&host);
     let turn = host.turn.clone();
     let description = hooks::watched(host.describe(Some(allocator.clone())), Box::new(move || turn.is_taken()));
@@ -79,7 +79,7 @@ fn nothing_of_the_hosts_is_created_destroyed_or_waited_idle() {
     assert_eq!((left, submits, allocator.lent().0), (0, outcome.submits, 0), "left over");
     drop(host);
 
-    // The same of a training that is watched.
+    // As above, of the example that watches a training.
     let host = view_while_training::host::Host::new().unwrap().unwrap();
     let allocator = view_while_training::host::memory::Allocator::new(&host);
     let turn = host.turn.clone();
@@ -90,7 +90,7 @@ fn nothing_of_the_hosts_is_created_destroyed_or_waited_idle() {
     assert_eq!((left, allocator.lent().0), (0, 0), "left over");
 }
 
-/// Set to make the host forget a semaphore, to see that the layer would say so.
+/// Set to make the host leak a semaphore, which the layer must report.
 const LEAK: &str = "PSRGS_TEST_LEAK";
 
 /// Run by the test below in a process of its own, where the layer reports to the standard output.
@@ -114,7 +114,7 @@ fn watched_training() {
     let Some(host) = view_while_training::host::Host::new().unwrap() else {
         return common::skipped("no Vulkan driver");
     };
-    // Without an allocator this time, and with buffers that have to grow.
+    // Without the host's allocator, and with buffers that have to grow.
     let pacing = Pacing { splat_capacity: 1, pair_capacity: 64, ..Pacing::default() };
     let outcome = training::watch(&host, host.describe(None), pacing);
     assert!(outcome.grown > 0);
@@ -127,7 +127,7 @@ fn examples_leave_the_device_clean_and_the_layer_silent() {
     if host().is_none() {
         return;
     }
-    // The layer checks at the end of the device that nothing made from it is left.
+    // The layer checks at the end of the device that no object of it is left.
     let run = |name: &str, leak: bool| {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command

@@ -1,12 +1,12 @@
-//! Buffers, pipelines, recordings and tickets belong to one device, and memory that the host sees to whoever uses it
-//! now.
+//! Buffers, pipelines, recordings and tickets belong to one device. Memory that host and device share belongs to its
+//! current user.
 
 use psrgs_vk::pass::fill;
 use psrgs_vk::vk::{Error, Gpu, Groups, Memory, Result, SubmitSync, Ticket};
 
 use super::{adopt, common, host};
 
-/// That something was refused because it is of another device.
+/// Checks that the error names an object of another device.
 #[track_caller]
 fn foreign<T>(result: Result<T>) {
     assert!(matches!(result, Err(Error::Foreign { .. } | Error::ForeignTicket { .. })), "{:?}", result.err());
@@ -52,7 +52,7 @@ fn what_is_of_another_device_is_refused_by_name() {
     foreign(gpu.missed_barriers(&recorder));
     let said = gpu.read::<u32>(&its).unwrap_err().to_string();
     assert_eq!(said, "buffer its belongs to another device");
-    // Nothing of it reached either device.
+    // Nothing reached either device.
     assert_eq!([gpu.stats().submits, other.stats().submits], [0, 0]);
 }
 
@@ -68,11 +68,11 @@ fn a_ticket_of_another_device_is_refused() {
     foreign(gpu.timings(its));
     foreign(gpu.read_ready::<u32>(&landing, 0, 1, its));
     assert!(gpu.is_done(own).unwrap());
-    // It outlives its device, and is nobody's then.
+    // A ticket that outlives its device belongs to no device.
     drop(other);
     foreign(gpu.is_done(its));
     foreign(common::gpu().unwrap().is_done(its));
-    // The place of no submit has passed everywhere.
+    // The default ticket belongs to no submit and is done on every device.
     assert!(gpu.is_done(Ticket::default()).unwrap());
 }
 
@@ -92,7 +92,7 @@ fn a_range_that_a_later_submit_writes_is_not_ready() {
     submit(1, 0, &[]);
     let first = submit(1, 16, &[]);
     gpu.wait(first).unwrap();
-    // Waits for the host, which has not signalled.
+    // Waits for the host, which has not signalled yet.
     let second = submit(2, 0, &[timeline.at(1)]);
     let ready = |at: u64, by: Ticket| gpu.read_ready::<u32>(&ring, at, 1, by).unwrap();
     let [waited, raced, never, elsewhere] =
@@ -101,7 +101,7 @@ fn a_range_that_a_later_submit_writes_is_not_ready() {
     gpu.wait(second).unwrap();
     assert_eq!(waited, None);
     assert_eq!(raced, None, "the device may write it at any moment");
-    assert_eq!(never, None, "the same, where nothing was asked to be finished");
+    assert_eq!(never, None, "the device may write it at any moment, also without a ticket");
     assert_eq!(elsewhere, Some(vec![1]), "nothing in flight writes there");
     assert_eq!(ready(0, first), Some(vec![2]));
 }
@@ -133,7 +133,7 @@ fn memory_in_commands_of_the_host_is_kept_until_they_finish() {
     assert_eq!(gpu.read_ready::<u32>(&ring, 0, 1, executed).unwrap(), Some(vec![7]));
     assert_eq!(gpu.read::<u32>(&ring).unwrap(), [7; 16]);
     gpu.store(&upload, &[0; 4]).unwrap();
-    // What one engine's recording has done says nothing of another's buffers.
+    // A recording of one engine is no proof for buffers of another.
     let its = other.buffer("ring", 64, Memory::Readback).unwrap();
     foreign(other.read_ready::<u32>(&its, 0, 1, executed));
     // SAFETY: the command buffer has run.

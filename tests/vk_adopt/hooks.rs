@@ -1,5 +1,5 @@
-//! A loader that watches: what the engine creates it must destroy, nothing else,
-//! and the host's things it must leave alone.
+//! A loader that watches the engine: it must destroy all objects that it creates, and no others, and must not use
+//! commands that belong to the host.
 
 use std::collections::{HashMap, HashSet};
 use std::ffi::{CStr, CString, c_char, c_void};
@@ -14,7 +14,7 @@ type Pipelines = unsafe extern "system" fn(vk::Device, u64, u32, *const c_void, 
 type Submit = unsafe extern "system" fn(u64, u32, *const vk::SubmitInfo2<'static>, vk::Fence) -> vk::Result;
 type Void = unsafe extern "system" fn();
 
-/// The queue that may be used, and how to tell whether the lock around it is held.
+/// The host's queue, and whether the host's lock is held.
 struct Queue {
     handle: u64,
     locked: Box<dyn Fn() -> bool + Send>,
@@ -23,11 +23,11 @@ struct Queue {
 
 #[derive(Default)]
 struct Watch {
-    /// The loader's own functions, as long as its host lives: the library goes with the last one.
+    /// The loader's own functions, valid as long as a host lives, because the library is unloaded with the last host.
     loader: Option<vk::PFN_vkGetInstanceProcAddr>,
     device_loader: Option<vk::PFN_vkGetDeviceProcAddr>,
     real: HashMap<CString, usize>,
-    /// What the engine has created and not destroyed, by the function that destroys it.
+    /// Objects that the engine has created and not destroyed, by the function that destroys them.
     live: HashSet<(&'static str, u64)>,
     created: u64,
     queue: Option<Queue>,
@@ -49,7 +49,7 @@ fn fail(what: &str) -> ! {
 fn real(name: &CStr) -> usize {
     match watch().real.get(name) {
         Some(address) => *address,
-        None => fail("a function was called that was never asked for"),
+        None => fail("a function was called that was never loaded"),
     }
 }
 
@@ -198,7 +198,7 @@ fn replaced(name: &CStr) -> Option<usize> {
     }
 }
 
-/// The function the engine gets for a name, given the loader's.
+/// The function that the engine gets for a name, from the loader's function.
 fn choose(name: &CStr, loaded: vk::PFN_vkVoidFunction) -> vk::PFN_vkVoidFunction {
     let (Some(function), Some(hook)) = (loaded, replaced(name)) else { return loaded };
     watch().real.entry(name.to_owned()).or_insert(function as *const () as usize);
@@ -241,7 +241,7 @@ pub(crate) fn watched<'a>(mut host: HostDevice<'a>, locked: Box<dyn Fn() -> bool
     host
 }
 
-/// What an engine did: objects created, those of them left, submits.
+/// Numbers of an engine's created objects, objects left, and submits.
 pub(crate) fn seen() -> (u64, usize, u64) {
     let watch = watch();
     (watch.created, watch.live.len(), watch.queue.as_ref().map_or(0, |q| q.submits))

@@ -1,4 +1,4 @@
-//! Memory that a host lends: what its allocator gets wrong is told by name, and nothing is lost on the way.
+//! Memory that a host lends: errors name the fault of the host's allocator, and no block is lost.
 
 use std::ffi::c_void;
 use std::ptr::NonNull;
@@ -10,10 +10,10 @@ use psrgs_vk::vk::{Error, Gpu, HostAllocator, Memory, MemoryBlock, MemoryRequest
 use super::embed::host::memory::Allocator;
 use super::host;
 
-/// What is wrong with a block.
+/// Makes a block wrong.
 type Change = fn(&mut MemoryBlock);
 
-/// The host's allocator with something wrong.
+/// The host's allocator with one fault.
 struct Wrong {
     inner: Arc<Allocator>,
     change: Change,
@@ -22,7 +22,7 @@ struct Wrong {
     name: &'static str,
 }
 
-// SAFETY: what is changed is refused by the engine, or given back as it was.
+// SAFETY: the engine refuses a changed block, or gives the block back unchanged.
 unsafe impl HostAllocator for Wrong {
     fn allocate(&self, request: &MemoryRequest<'_>) -> Result<MemoryBlock, vk::Result> {
         let wrong = request.name == self.name;

@@ -1,5 +1,5 @@
-//! The engine on a host's device: it works there, creates no device or instance, waits for nothing idle,
-//! and leaves nothing.
+//! The engine on a host's device: it works, creates no device or instance, never waits for an idle device, and leaves
+//! no objects.
 
 // Nothing of a test binary is reachable from outside; both examples have the same host.
 #![allow(unreachable_pub, clippy::duplicate_mod)]
@@ -26,7 +26,7 @@ fn host() -> Option<embed::host::Host> {
     host_with(required_features())
 }
 
-/// The same with more features.
+/// As [`host`], with more features.
 fn host_with(features: Features) -> Option<embed::host::Host> {
     let host = embed::host::Host::with(features).unwrap();
     if host.is_none() {
@@ -76,7 +76,7 @@ fn what_a_device_could_do_more_is_told_before_it_is_made() {
     // SAFETY: loader, instance and physical device of a live host.
     let usable = unsafe { Gpu::usable_features(d.get_instance_proc_addr, d.instance, d.physical_device) }.unwrap();
     assert_eq!(usable.features.and(&required_features()), required_features());
-    // The same as what an own device was opened with.
+    // Equal to the features of an own device.
     let own = common::gpu().unwrap();
     assert_eq!(usable.features, own.caps().features);
 }
@@ -88,7 +88,7 @@ fn features_that_the_host_does_not_state_are_not_used() {
     let caps = gpu.caps();
     assert_eq!(caps.buffer_floats, psrgs_vk::vk::FloatAtomics::CompareAndSwap);
     assert_eq!(caps.features, required_features());
-    // A feature of an extension that is not stated is not there either.
+    // A feature of an extension that the host does not state is not used.
     let mut careless = host.describe(None);
     careless.features.buffer_float_atomic_add = true;
     // SAFETY: the handles are those of a live host that outlives the engine, which does not use the feature.
@@ -142,7 +142,7 @@ fn engines_side_by_side_do_not_meet() {
             scope.spawn(move || fills(gpu, value));
         }
     });
-    // A ticket of one is not taken by another.
+    // An engine refuses a ticket of another.
     let ticket = gpus[0].last_ticket();
     let fresh = common::gpu().unwrap();
     assert!(matches!(fresh.wait(ticket), Err(Error::ForeignTicket { .. })));

@@ -7,7 +7,7 @@ use psrgs_vk::vk::ash::vk;
 use super::embed::host::memory::HostBuffer;
 use super::{adopt, embed, host};
 
-/// Long enough that work which does not wait is over.
+/// In nanoseconds, long enough for work that does not wait to finish.
 const A_WHILE: u64 = 200_000_000;
 
 #[test]
@@ -17,14 +17,14 @@ fn a_picture_waits_for_the_host_and_signals_it() {
     let mut viewer = Viewer::new(&gpu);
     let model = embed::model();
     let (planes, splats, shot) = (viewer.upload(&model).unwrap(), model.len() as u32, embed::shot(0));
-    // With room for its pairs, and pipelines made.
+    // The first render makes room for pairs, and pipelines.
     let expected = viewer.render(&planes, splats, &shot, true).unwrap();
     let timeline = host.timeline().unwrap();
     let (wait, signal) = ([timeline.at(1)], [timeline.at(2)]);
     let ticket = viewer.submit(&planes, splats, &shot, true, SubmitSync::new(&wait, &signal)).unwrap();
     assert!(!timeline.wait(2, A_WHILE).unwrap(), "it did not wait for the host");
     assert!(!gpu.is_done(ticket).unwrap());
-    assert_eq!(viewer.fits(ticket).unwrap(), None, "nothing can be known yet");
+    assert_eq!(viewer.fits(ticket).unwrap(), None, "the render cannot have finished yet");
     timeline.signal(1).unwrap();
     assert!(timeline.wait(2, u64::MAX).unwrap());
     gpu.wait(ticket).unwrap();
@@ -37,7 +37,7 @@ fn a_picture_that_did_not_fit_is_told_without_waiting() {
     let Some(host) = host() else { return };
     let gpu = adopt(&host);
     let mut viewer = Viewer::new(&gpu);
-    // A thousand splats over all of a picture: more pairs than any guess.
+    // A thousand splats that cover the whole image: more pairs than any guess.
     let mut model = psrgs_vk::scene::Gaussians::zeros(1000);
     for i in 0..model.len() {
         model.means[3 * i..3 * i + 3].copy_from_slice(&[0.0, 0.0, 3.0 + i as f32 * 1e-3]);
@@ -88,7 +88,7 @@ fn a_picture_in_the_hosts_command_buffer_is_the_engines_own() {
             host.device.end_command_buffer(commands).unwrap();
             recording
         };
-        // Work of the engine in between, in the same buffers: the host's commands stand on their own.
+        // Work of the engine in between, in the same buffers: the host's commands do not depend on it.
         if i == 1 {
             let mut other = gpu.recorder("in between").unwrap();
             viewer.record(&mut other, &planes, splats, &embed::shot(0), true).unwrap();
@@ -105,7 +105,7 @@ fn a_picture_in_the_hosts_command_buffer_is_the_engines_own() {
         assert_eq!(Some(&read[floats..2 * floats]), expected.aux.as_deref());
         assert_eq!(read[2 * floats..], model.means, "the planes are as the layout says");
     }
-    // And the engine goes on behind the host's commands.
+    // The engine continues after the host's commands.
     assert_eq!(viewer.render(&planes, splats, &embed::shot(0), true).unwrap(), expected[0]);
     gpu.check_canaries().unwrap();
 }

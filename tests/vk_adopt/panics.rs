@@ -1,4 +1,4 @@
-//! A host whose callbacks panic gets its panic, and the engine is as it was.
+//! A panic of a host's callback reaches the host, and the engine stays usable.
 
 use std::ffi::c_void;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -19,7 +19,7 @@ const NEVER: u8 = 0;
 const FIRST: u8 = 1;
 const SECOND: u8 = 2;
 
-/// Panics where it is told to.
+/// Panics at a chosen place.
 struct Fuse(AtomicU8);
 
 impl Fuse {
@@ -27,7 +27,7 @@ impl Fuse {
         assert_ne!(self.0.load(Ordering::SeqCst), place, "the host's own panic");
     }
 
-    /// Runs something that ends in the host's panic.
+    /// Runs `run`, which must end in the host's panic at `place`.
     fn blown<T>(&self, place: u8, run: impl FnOnce() -> T) {
         self.0.store(place, Ordering::SeqCst);
         let Err(panic) = catch_unwind(AssertUnwindSafe(run)) else { panic!("the panic was swallowed") };
@@ -37,7 +37,7 @@ impl Fuse {
     }
 }
 
-/// An engine whose host panics before it has the lock (the first place), or behind giving it back (the second).
+/// An engine whose host panics before taking the lock (the first place), or after giving the lock back (the second).
 fn with_lock(host: &embed::host::Host) -> (Gpu, Arc<Fuse>) {
     let fuse = Arc::new(Fuse(AtomicU8::new(NEVER)));
     let (locks, unlocks, taken, given) = (fuse.clone(), fuse.clone(), host.turn.clone(), host.turn.clone());
@@ -57,7 +57,7 @@ fn with_lock(host: &embed::host::Host) -> (Gpu, Arc<Fuse>) {
     (gpu, fuse)
 }
 
-/// A shader sets all words of a buffer.
+/// A dispatch that sets all words of a buffer.
 fn set(gpu: &Gpu, target: &Buffer, value: u32) -> Recorder {
     let pipeline = gpu.pipeline(&fill::PASS.kernel, &[]).unwrap();
     let mut rec = gpu.recorder("set").unwrap();
@@ -78,11 +78,10 @@ fn barriers_lost_with_a_panicked_lock_are_recorded_again() {
     let [source, target, never] = ["source", "target", "never"].map(|n| gpu.buffer(n, 64, Memory::Device).unwrap());
     set(&gpu, &source, 1).submit().unwrap();
     let before = (gpu.last_ticket(), gpu.stats());
-    // It would have waited for what writes the source.
+    // The lost submit would have waited for the writer of the source.
     fuse.blown(FIRST, || copy(&gpu, &source, &never).submit());
     assert_eq!((gpu.last_ticket(), gpu.stats()), before, "nothing was submitted");
-    // The copy needs the barrier that was lost: here one over everything, and none besides,
-    // as nothing has used the target.
+    // The copy needs the lost barrier: one barrier over everything, and no other, because nothing has used the target.
     let ticket = copy(&gpu, &source, &target).submit().unwrap();
     assert_eq!(gpu.stats().barriers, before.1.barriers + 1);
     gpu.wait(ticket).unwrap();
@@ -105,7 +104,7 @@ fn work_behind_whose_submit_the_host_panicked_is_kept_track_of() {
     assert_eq!(gpu.read::<u32>(&target).unwrap(), [3; 16]);
 }
 
-/// The host's allocator, which panics before it gives memory (the first place) or in mapping it (the second).
+/// The host's allocator, which panics before giving memory (the first place) or in mapping memory (the second).
 struct Nervous {
     inner: Arc<Allocator>,
     fuse: Arc<Fuse>,

@@ -28,7 +28,7 @@ fn settings() -> Settings {
     s
 }
 
-/// The example, on that training.
+/// The example on this training.
 pub(crate) fn watch(
     host: &view_while_training::host::Host,
     description: HostDevice<'_>,
@@ -41,7 +41,7 @@ pub(crate) fn watch(
     outcome
 }
 
-/// The same by pulling messages, on a device of our own: steps with losses and splats, evaluations, and the trainer.
+/// The training by messages on an own device: steps with losses and splats, evaluations, and the trainer.
 fn pulled(gpu: &Gpu) -> (Vec<(u32, f32, u32)>, Vec<u32>, Trainer) {
     let mut trainer = Trainer::new(gpu, input(), &settings(), Pacing::default(), None).unwrap();
     let (mut steps, mut scored) = (Vec::new(), Vec::new());
@@ -64,7 +64,7 @@ fn steps_between_points_of_the_host_are_those_of_the_stream() {
     let (Some(host), Some(own)) = (host(), common::gpu()) else { return };
     let (expected, expected_scores, mut pulled) = pulled(&own);
     let gpu = adopt(&host);
-    // Too small at first: events are lost and repeated on the way.
+    // Too small at first, so that events are lost and replayed.
     let pacing = Pacing { splat_capacity: 1, pair_capacity: 64, ..Pacing::default() };
     let mut trainer = Trainer::new(&gpu, input(), &settings(), pacing, None).unwrap();
     let timeline = host.timeline().unwrap();
@@ -111,7 +111,7 @@ fn watching_a_training_changes_nothing() {
     let Some(gpu) = common::gpu() else { return };
     let host = view_while_training::host::Host::new().unwrap().unwrap();
     let (_, _, mut trainer) = pulled(&gpu);
-    // Planes that grow while they are looked at.
+    // Planes that grow while the training is watched.
     let pacing = Pacing { splat_capacity: 1, pair_capacity: 64, ..Pacing::default() };
     let outcome = watch(&host, host.describe(None), pacing);
     assert!(outcome.grown > 0 && outcome.frames.1 > outcome.frames.0);

@@ -8,7 +8,7 @@ use psrgs_vk::world::{Progress, Stage, World, WorldParams, generate};
 
 use crate::small;
 
-/// A reader of the fields that the binary COLMAP format puts one after the other.
+/// A reader of the consecutive fields of the binary COLMAP format.
 struct Fields(Vec<u8>, usize);
 
 impl Fields {
@@ -50,7 +50,7 @@ struct Photo {
 fn dataset_is_consistent() {
     let dir = tempfile::tempdir().unwrap();
     let mut params = small();
-    // With these two, residuals are no longer those of the observations' noise alone: see the tests of sparse points.
+    // With these two effects, residuals have more than the noise of observations: see the tests of sparse points.
     (params.effects.pose_noise, params.effects.outliers) = (0.0, 0.0);
     let mut stages = Vec::new();
     let summary = generate(&params, dir.path(), &mut |p: Progress| stages.push(p)).unwrap();
@@ -135,12 +135,12 @@ fn dataset_is_consistent() {
     let freedom = 2.0 * observations as f64 - 3.0 * count as f64;
     let sigma = (squares / freedom).sqrt();
     assert!((sigma - 0.3).abs() < 5.0 * 0.3 / (2.0 * freedom).sqrt(), "residuals of {sigma} px");
-    // Not all: next to an edge the pixel's centre may lie on another surface.
+    // Not all: next to an edge, the pixel's centre may lie on another surface.
     assert!(near * 10 > observations * 8, "{near} of {observations} observations lie at the true depth");
 
     let written: WorldParams = toml::from_str(&fs::read_to_string(dir.path().join("world.toml")).unwrap()).unwrap();
     assert_eq!(written, params);
-    // The project's own reader finds the same.
+    // The project's own reader finds the same values.
     let options = psrgs_vk::dataset::LoadOptions::default();
     let dataset = psrgs_vk::dataset::Dataset::load(dir.path(), &options).unwrap();
     assert!(dataset.warnings.is_empty(), "{:?}", dataset.warnings);
@@ -157,7 +157,7 @@ fn dataset_is_consistent() {
     }
 }
 
-/// A second world in the place of a first removes what the first has left and nothing else.
+/// A second world in the folder of a first removes the files of the first and no others.
 #[test]
 fn files_of_others_in_the_folder_of_a_world_stay() {
     let dir = tempfile::tempdir().unwrap();

@@ -33,7 +33,7 @@ fn both_files_hold_the_echoes() {
     for class in [Class::Ground, Class::Vegetation, Class::Building, Class::Other] {
         assert!(classes[&class] > 20, "{classes:?}");
     }
-    // The PLY file, as another reader has it.
+    // The PLY file by another reader.
     let mut file = std::io::BufReader::new(std::fs::File::open(dir.path().join("lidar.ply")).unwrap());
     let ply = ply_rs::parser::Parser::<ply_rs::ply::DefaultElement>::new().read_ply(&mut file).unwrap();
     let vertices = &ply.payload["vertex"];
@@ -47,7 +47,7 @@ fn both_files_hold_the_echoes() {
 
 #[test]
 fn density_and_noise_are_as_stated_and_walls_have_gaps() {
-    // Nothing in the way, so that the ground is all of the same density.
+    // Without objects, so that the ground has an even density.
     let bare = WorldParams { effects: Effects::none(), ..params() };
     let world = World::new(&bare).unwrap();
     let echoes = world.lidar();
@@ -59,7 +59,7 @@ fn density_and_noise_are_as_stated_and_walls_have_gaps() {
     let (mut squares, mut ground) = (0.0, 0.0);
     for e in echoes.iter().filter(|e| e.class == Class::Ground) {
         let off = surface.distance(e.position);
-        // Along a ray at an angle the noise is that much smaller across the ground, whose slope is a few per cent.
+        // Range noise along an oblique ray is smaller across the ground, whose slope is a few per cent.
         assert!(off < 6.0 * 0.03, "{off} m");
         squares += (off / f64::from(e.angle).to_radians().cos()).powi(2);
         ground += 1.0;
@@ -67,8 +67,7 @@ fn density_and_noise_are_as_stated_and_walls_have_gaps() {
     let sigma = (squares / ground).sqrt();
     assert!((sigma - 0.03).abs() < 0.1 * 0.03, "range noise of {sigma} m");
 
-    // Heights above the ground of what was met on buildings' walls: a plan area has 4 echoes per square metre,
-    // a wall far fewer.
+    // Echoes on the walls of buildings, by their height: a plan area has 4 echoes per square metre, a wall far fewer.
     let walls: Vec<bool> = echoes
         .iter()
         .filter(|e| e.class == Class::Building)
@@ -76,7 +75,7 @@ fn density_and_noise_are_as_stated_and_walls_have_gaps() {
             let p = DVec3::from_array(e.position);
             let down = psrgs_vk::world::Ray { origin: p + DVec3::Z * 50.0, direction: DVec3::NEG_Z };
             let top = 50.0 - world.trace(&down).unwrap().t;
-            // More than 40 cm under what lies above it: a wall, or under the eaves.
+            // More than 40 cm below the surface above: a wall, or under the eaves.
             top > 0.4
         })
         .collect();

@@ -1,4 +1,4 @@
-//! The world through a lens with distortion against the same world without.
+//! The world through a lens with distortion against the world without distortion.
 
 use psrgs_vk::dataset::{Dataset, LoadOptions};
 use psrgs_vk::eval::psnr;
@@ -7,14 +7,14 @@ use psrgs_vk::world::{CameraKind, Effects, World, WorldParams, generate};
 
 use crate::small;
 
-/// Lossless and without noise, so that nothing but the lens makes a difference.
+/// Lossless and without noise, so that only the lens makes a difference.
 fn params(camera: CameraKind) -> WorldParams {
     let effects = Effects { jpeg_quality: 0, sensor_noise: 0.0, ..Effects::default() };
     WorldParams { images: 4, max_side: 160, camera, effects, ..small() }
 }
 
-/// How far a picture is moved against another, in pixels along x and y: the shift d of least squares of a - b +
-/// gradient . d, by the normal equations (Lucas and Kanade 1981).
+/// Shift d of a picture against another in pixels: the least squares of a - b + gradient . d, by the normal equations
+/// (Lucas and Kanade 1981).
 fn shift(a: &[u8], b: &[u8], width: usize) -> [f64; 2] {
     let at = |p: &[u8], x: usize, y: usize| f64::from(p[3 * (y * width + x) + 1]);
     let (mut xx, mut xy, mut yy, mut x0, mut y0) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -49,7 +49,7 @@ fn undistorted_photographs_are_those_of_the_pinhole_world() {
         assert!(photograph.rgba8().chunks_exact(4).all(|p| p[3] == 255), "the photograph covers the picture");
         let rgb: Vec<u8> = photograph.rgba8().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
         let (pinhole, depth) = straight.photograph(&made.camera, k);
-        // What is left is the interpolation, which is no shift: a picture one pixel off is far worse.
+        // The remaining error is interpolation, not a shift: a picture that is one pixel off is far worse.
         let quality = psnr(&rgb, pinhole.as_raw()).unwrap();
         let all = pinhole.as_raw();
         let shifted = psnr(&all[..all.len() - 3], &all[3..]).unwrap();
@@ -57,7 +57,7 @@ fn undistorted_photographs_are_those_of_the_pinhole_world() {
         println!("{}: {quality:.2} dB, moved by {shift:.3?} px; {shifted:.2} dB one pixel off", view.name);
         assert!(quality > 27.0 && quality > shifted + 6.0, "{}: {quality} dB, one pixel off {shifted}", view.name);
         assert!(shift[0].hypot(shift[1]) < 0.05, "{}: moved by {shift:?} px", view.name);
-        // The truth is for the undistorted picture, so it is that of the pinhole world.
+        // The ground truth belongs to the undistorted photograph, so it equals that of the pinhole world.
         let known = read_depth(&dir.path().join("depth").join(made.file("exr"))).unwrap();
         assert_eq!((known.width, &known.values), (160, &depth));
     }

@@ -1,4 +1,4 @@
-//! Sparse points and poses as structure from motion gives them.
+//! Sparse points and poses like those of structure from motion.
 
 use glam::{DMat3, DVec3};
 use psrgs_vk::dataset::{Dataset, LoadOptions};
@@ -14,7 +14,7 @@ fn project(camera: &Camera, p: DVec3) -> [f64; 2] {
     [camera.fx * q.x / q.z + camera.cx, camera.fy * q.y / q.z + camera.cy]
 }
 
-/// Where poses show what is in the middle of the pictures: 0.2 px off along each axis.
+/// Pose noise moves the middle of photographs by 0.2 px along each axis.
 #[test]
 fn poses_are_as_far_off_as_asked_for() {
     let params = WorldParams { images: 200, max_side: 96, offpath: 0, ..small() };
@@ -36,14 +36,14 @@ fn poses_are_as_far_off_as_asked_for() {
     let sigma = (squares / 400.0_f64).sqrt();
     // Five standard errors of a standard deviation from 400 values.
     assert!((sigma - 0.2).abs() < 5.0 * 0.2 / 800f64.sqrt(), "{sigma} px");
-    assert!(turned > 0.02, "the positions are off too: {turned} m in the mean");
+    assert!(turned > 0.02, "the positions have too little noise: {turned} m in the mean");
     assert!(gains.abs() < 1e-9, "exposures are 1 in the mean");
     let still = Effects { pose_noise: 0.0, ..Effects::default() };
     let world = World::new(&WorldParams { effects: still, ..small() }).unwrap();
     assert!(world.views().iter().all(|v| v.camera == v.reconstructed));
 }
 
-/// Points far from the surface are the wrong matches; without noise every other point lies on it.
+/// Points far from the surface are the wrong matches; without noise every other point lies on the surface.
 #[test]
 fn the_asked_share_of_points_is_wrong_and_the_rest_is_sparse() {
     let effects = Effects { outliers: 0.1, pose_noise: 0.0, observation_noise: 0.0, ..Effects::default() };
@@ -57,7 +57,7 @@ fn the_asked_share_of_points_is_wrong_and_the_rest_is_sparse() {
     for p in &data.points {
         let off = surface.distance(p.position);
         wrong += f64::from(u8::from(off > 0.2));
-        // What is on the surface is not on what has no texture.
+        // Points on the surface avoid parts without texture.
         let top = DVec3::new(p.position[0], p.position[1], p.position[2] + 0.05);
         let down = psrgs_vk::world::Ray { origin: top, direction: DVec3::NEG_Z };
         if let Some(hit) = world.trace(&down).filter(|h| h.t < 0.1) {
@@ -67,7 +67,7 @@ fn the_asked_share_of_points_is_wrong_and_the_rest_is_sparse() {
     let n = data.points.len() as f64;
     assert!(n > 100.0, "{n} points");
     let sigma = (0.1 * 0.9 / n).sqrt();
-    // Some wrong ones leave the pictures and are dropped, some are near another surface.
+    // Some wrong points leave the photographs and are dropped, some lie near another surface.
     assert!(wrong / n > 0.05 - 3.0 * sigma && wrong / n < 0.1 + 4.0 * sigma, "{wrong} of {n}");
     assert_eq!(water, 0, "points on water");
     let most = 96 * 72 / 40 * 16;

@@ -1,18 +1,19 @@
-//! Normals, off-path views and the surface against rays cast independently, and against each other.
+//! Normals, off-path views and the surface, against independently cast rays and against each other.
 
 use glam::{DMat3, DVec3};
 use psrgs_vk::dataset::{Dataset, LoadOptions};
 use psrgs_vk::eval::geometry::Closest;
 use psrgs_vk::format::image_out::{read_depth, read_normals};
+use psrgs_vk::scene::random::Random;
 use psrgs_vk::world::{Class, World, WorldParams, generate};
 
-use crate::{cast, random, ray_of, small};
+use crate::{cast, ray_of, small};
 
 /// Three rays around the middle of a pixel give a plane, if they meet one face: its normal, turned towards the camera.
 #[test]
 fn normals_are_those_of_the_surface_that_independent_rays_meet() {
     let world = World::new(&small()).unwrap();
-    let mut random = random(2);
+    let mut random = Random::new(2);
     let (mut compared, mut edges) = (0, 0);
     for view in world.views().iter().chain(world.offpath()) {
         let camera = &view.camera;
@@ -21,8 +22,8 @@ fn normals_are_those_of_the_surface_that_independent_rays_meet() {
         let rows = camera.rotation.map(DVec3::from_array);
         let to_camera = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose();
         for _ in 0..20 {
-            let x = (random() * f64::from(camera.width)) as u32;
-            let y = (random() * f64::from(camera.height)) as u32;
+            let x = (random.unit() * f64::from(camera.width)) as u32;
+            let y = (random.unit() * f64::from(camera.height)) as u32;
             let point = |dx: f64, dy: f64| {
                 let (origin, direction) = ray_of(camera, f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy);
                 let (solid, ground) = cast(&world, origin, direction);
@@ -36,7 +37,7 @@ fn normals_are_those_of_the_surface_that_independent_rays_meet() {
             let k = (y * camera.width + x) as usize;
             let got = DVec3::from_array(truth.normals[k].map(f64::from));
             assert!((got.length() - 1.0).abs() < 1e-5 && got.dot(eye) > 0.0, "{} ({x}, {y}): {got}", view.name);
-            // A plane through rays on two faces is no face's.
+            // A plane through rays on two faces belongs to no face.
             if got.dot(normal) > 0.999 { compared += 1 } else { edges += 1 }
         }
     }
@@ -56,7 +57,7 @@ fn what_the_photographs_show_lies_on_the_surface() {
             let hit = world.trace(&psrgs_vk::world::Ray { origin, direction }).unwrap();
             let p = origin + direction * hit.t;
             let class = world.class(hit.surface, p);
-            // Crowns are of ellipsoids and cones with radii up to 1.7 m, which the mesh follows to 5 %.
+            // Crowns are ellipsoids and cones with radii up to 1.7 m, which the mesh follows to 5 %.
             let allowed = if class == Class::Vegetation { 0.085 } else { 1e-6 };
             let distance = surface.distance(p.to_array());
             assert!(distance < allowed, "{class:?} at {p}: {distance} m off the surface");
@@ -85,7 +86,7 @@ fn files_hold_the_truth_of_undistorted_pictures() {
             assert_eq!(image::open(&file).unwrap().to_rgb8(), clean, "{}", file.display());
         }
     }
-    // The views from elsewhere are a dataset of their own, where they really are.
+    // Off-path views are a dataset of their own, with exact poses.
     let offpath = Dataset::load(&dir.path().join("offpath"), &LoadOptions::default()).unwrap();
     for (read, made) in offpath.views.iter().zip(world.offpath()) {
         assert_eq!(read.name, made.name);
@@ -120,7 +121,7 @@ fn offpath_views_look_from_half_the_height_and_at_45_degrees() {
     }
 }
 
-/// Every file, byte by byte; with other noise only those that show it.
+/// Every file, byte by byte; with other noise only the files with noise differ.
 #[test]
 fn equal_parameters_give_equal_files() {
     let params = WorldParams { images: 2, max_side: 48, supersample: 1, ..small() };
