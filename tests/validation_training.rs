@@ -44,7 +44,7 @@ struct Seen {
     evaluations: u32,
 }
 
-/// Trains until the message `stop`, or to the end; gives the state for a restart.
+/// Trains until step `stop`, or to the end; gives the state for a restart.
 fn train(
     gpu: &Gpu,
     input: &Input,
