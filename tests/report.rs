@@ -33,6 +33,8 @@ fn metrics(images: Vec<ImageScore>) -> Metrics {
         device: "llvmpipe (LLVM 15.0.6, 256 bits)".into(),
         forms: None,
         psnr: None,
+        psnr_seen: None,
+        seen: None,
         psnr_cc: None,
         ssim: None,
         lpips_squeeze: None,
@@ -353,7 +355,17 @@ fn metrics_have_exactly_the_promised_keys() {
     let path = dir.path().join("metrics.json");
     let score = |name: &str, psnr, ssim| {
         let name = name.into();
-        ImageScore { name, psnr, psnr_cc: psnr + 2.0, ssim, lpips_squeeze: None, gmsd: None, psnr_high_frequency: None }
+        ImageScore {
+            name,
+            psnr,
+            psnr_seen: Some(psnr + 1.0),
+            seen: Some(0.9),
+            psnr_cc: psnr + 2.0,
+            ssim,
+            lpips_squeeze: None,
+            gmsd: None,
+            psnr_high_frequency: None,
+        }
     };
     let m = metrics(vec![score("a.jpg", 20.0, 0.5), score("b.jpg", 23.0, 0.7)]);
     m.write(&path).unwrap();

@@ -1,13 +1,12 @@
 //! `psrgs-vk eval`: scores of a model on held-out photographs.
 
 mod results;
-mod tables;
 
 use std::path::PathBuf;
 use std::time::Instant;
 
 use psrgs_vk::dataset::{Dataset, LoadOptions, Role, Warning};
-use psrgs_vk::eval::{Geometry, GeometryTruth, geometry};
+use psrgs_vk::eval::{Geometry, GeometryTruth, SeenPixels, geometry};
 use psrgs_vk::format::atomic;
 use psrgs_vk::numbers::{counted, grouped, of_count};
 use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice, HostChoice, Photographs, Scoring, Split};
@@ -90,7 +89,11 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         Some(folder) => Some(Pictures::new(folder, views.iter().map(|v| v.name.as_str()), dataset.frame.scale)?),
         None => None,
     };
-    let mut comparison = Comparison::new(&gpu, &mut lpips, exposures, pictures, views.len(), console);
+    // Which photographs a training leaves out for their pixels is known to a training alone.
+    let share = prepare::host_share(&dataset, Role::Train, &args.host);
+    let seen = SeenPixels::of(&dataset, &share, |_| true)?;
+    let mut comparison =
+        Comparison::new(&gpu, &mut lpips, exposures, pictures, views.len(), console).with_seen(Some(seen));
     let bar = progress::counter(console, views.len(), "photographs");
     for view in &views {
         // Depth and normals are rendered only where they are written.
@@ -227,12 +230,12 @@ fn known_geometry(
 
 /// Prints the scores.
 fn tell_scores(compared: &Compared, geometry: &Geometry, console: &Console) -> anyhow::Result<()> {
-    console::print(&tables::scores(&compared.images))?;
+    console::print(&results::scores_table(&compared.images))?;
     if let Some(scores) = &compared.exposures {
         console.say(exposure_args::line(scores));
     }
     if *geometry != Geometry::default() {
-        console::print(&tables::geometry(geometry))?;
+        console::print(&results::geometry_table(geometry))?;
     }
     Ok(())
 }

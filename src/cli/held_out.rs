@@ -1,6 +1,6 @@
 //! Held-out photographs compared with renders of a model: scores, and panels of the report.
 
-use psrgs_vk::eval::{ExposureScores, Exposures, ImageScore, ViewPanel};
+use psrgs_vk::eval::{ExposureScores, Exposures, ImageScore, SeenPixels, ViewPanel};
 use psrgs_vk::raster::Picture;
 use psrgs_vk::train::{View, score};
 use psrgs_vk::vk::Gpu;
@@ -18,6 +18,8 @@ pub(crate) struct Comparison<'a> {
     exposed: Exposed,
     /// Where renders are written. Without a folder, views are only scored.
     pictures: Option<Pictures>,
+    /// Which pixels are seen; where that is not known, nothing is told of them.
+    seen: Option<SeenPixels>,
     /// Number of views.
     views: usize,
     images: Vec<ImageScore>,
@@ -46,7 +48,12 @@ impl<'a> Comparison<'a> {
         console: &'a Console,
     ) -> Self {
         let exposed = Exposed::new(exposures);
-        Self { gpu, console, lpips, exposed, pictures, views, images: Vec::new(), panels: Vec::new() }
+        Self { gpu, console, lpips, exposed, pictures, seen: None, views, images: Vec::new(), panels: Vec::new() }
+    }
+
+    /// With scores of what is seen too.
+    pub(crate) fn with_seen(self, seen: Option<SeenPixels>) -> Self {
+        Self { seen, ..self }
     }
 
     /// Compares the next view's photograph with a render from its camera.
@@ -56,16 +63,29 @@ impl<'a> Comparison<'a> {
             Some(pictures) => {
                 let mut panel = pictures.held_out(self.images.len(), view, &picture)?;
                 panel.lpips_squeeze = self.lpips.measure(self.gpu, view, panel.render.as_raw(), self.console);
-                self.images.push(panel.score());
+                let score = self.of_seen(panel.score(), view, panel.render.as_raw())?;
+                if let (Some(seen), true) = (&self.seen, score.seen.is_some_and(|share| share < 1.0)) {
+                    let size = (view.camera.width, view.camera.height);
+                    pictures.seen(self.images.len(), size, &seen.of_photograph(&view.name, size))?;
+                }
+                self.images.push(score);
                 self.panels.push(panel.among(self.views));
             }
             None => {
                 let rgb = picture.rgb8();
                 let lpips_squeeze = self.lpips.measure(self.gpu, view, &rgb, self.console);
-                self.images.push(ImageScore { lpips_squeeze, ..score(view, &*view.photograph.pixels()?, &rgb) });
+                let score = ImageScore { lpips_squeeze, ..score(view, &*view.photograph.pixels()?, &rgb) };
+                self.images.push(self.of_seen(score, view, &rgb)?);
             }
         }
         Ok(())
+    }
+
+    /// A score with that of what is seen.
+    fn of_seen(&self, score: ImageScore, view: &View, rgb: &[u8]) -> anyhow::Result<ImageScore> {
+        let Some(seen) = &self.seen else { return Ok(score) };
+        let size = (view.camera.width, view.camera.height);
+        Ok(seen.with_score(score, size, &*view.photograph.pixels()?, rgb))
     }
 
     /// The result, after all views.

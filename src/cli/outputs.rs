@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 use psrgs_vk::dataset::{Dataset, Role, Warning};
 use psrgs_vk::eval::{
-    self, ExposureScores, Geometry, GeometryTruth, Metrics, TrainingPhotograph, geometry, median_loss, misfits,
+    self, ExposureScores, Geometry, GeometryError, GeometryTruth, Metrics, SeenPixels, TrainingPhotograph, geometry,
+    median_loss, misfits,
 };
 use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile, FRAME_FILE, FrameFile, ply};
 use psrgs_vk::numbers::{counted, grouped, of_count, percent};
@@ -119,11 +120,25 @@ fn compare(
     let (folder, scale) = (run.folder.file(RENDERS), run.dataset.frame.scale);
     let pictures = Pictures::new(&folder, views.iter().map(|v| v.name.as_str()), scale)?;
     let exposures = trainer.expected_exposures()?;
-    let mut comparison = Comparison::new(run.gpu, lpips, exposures, Some(pictures), views.len(), console);
+    let seen = seen_pixels(run)
+        .inspect_err(|problem| console.warn(format_args!("what training photographs see is not known: {problem:#}")));
+    let mut comparison =
+        Comparison::new(run.gpu, lpips, exposures, Some(pictures), views.len(), console).with_seen(seen.ok());
     for view in views {
         comparison.add(view, trainer.picture(&view.camera)?)?;
     }
     Ok(comparison.end())
+}
+
+/// The pixels of held-out photographs that photographs see which were trained on.
+fn seen_pixels(run: &Finished<'_>) -> Result<SeenPixels, GeometryError> {
+    let share = prepare::host_share(run.dataset, Role::Train, &run.settings.host);
+    let left_out = |name: &str| {
+        let wrong =
+            |warning: &Warning| matches!(warning, Warning::PoseWrong { name: of, left_out: true, .. } if of == name);
+        run.left_out.iter().any(wrong)
+    };
+    SeenPixels::of(run.dataset, &share, |name| !left_out(name))
 }
 
 /// Compares the model with the ground truth beside the dataset, if there is any.
@@ -159,6 +174,8 @@ fn metrics(
         device: run.gpu.caps().device.clone(),
         forms: Some(trainer.variants().to_string()),
         psnr: None,
+        psnr_seen: None,
+        seen: None,
         psnr_cc: None,
         ssim: None,
         lpips_squeeze: None,
@@ -223,7 +240,11 @@ fn tell(metrics: &Metrics, model: &Path, report: &Path, console: &Console) {
     if let (Some(psnr), Some(ssim)) = (metrics.psnr, metrics.ssim) {
         let fitted = metrics.psnr_cc.map(|p| format!(" ({p:.2} with colours fitted)")).unwrap_or_default();
         let lpips = metrics.lpips_squeeze.map_or_else(String::new, |v| format!(", LPIPS {v:.4}"));
-        console.say(format_args!("held out: PSNR {psnr:.2} dB{fitted}, SSIM {ssim:.4}{lpips}"));
+        let seen = match (metrics.psnr_seen, metrics.seen) {
+            (Some(psnr), Some(seen)) => format!("; {psnr:.2} dB of what is seen, {} of the pixels", percent(seen, 1)),
+            _ => String::new(),
+        };
+        console.say(format_args!("held out: PSNR {psnr:.2} dB{fitted}, SSIM {ssim:.4}{lpips}{seen}"));
         if let Some(scores) = &metrics.exposures {
             console.say(exposure_args::line(scores));
         }

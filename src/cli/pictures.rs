@@ -64,7 +64,7 @@ impl Pictures {
         self.rgb(at, "render", size, &rgb)?;
         self.rgb(at, "photograph", size, &truth)?;
         let depth = self.geometry(at, picture)?;
-        let ImageScore { name, psnr, psnr_cc, ssim, lpips_squeeze, gmsd, psnr_high_frequency } =
+        let ImageScore { name, psnr, psnr_cc, ssim, lpips_squeeze, gmsd, psnr_high_frequency, .. } =
             score(view, &photograph, &rgb);
         let image = |pixels: Vec<u8>| RgbImage::from_raw(size.0, size.1, pixels).context("picture size");
         Ok(ViewPanel {
@@ -81,6 +81,12 @@ impl Pictures {
             gmsd,
             psnr_high_frequency,
         })
+    }
+
+    /// Writes which pixels of a held-out view at least one photograph to train on sees: those are white.
+    pub(crate) fn seen(&self, view: usize, size: (u32, u32), seen: &[bool]) -> anyhow::Result<()> {
+        let pixels: Vec<u8> = seen.iter().flat_map(|seen| [if *seen { 255 } else { 0 }; 3]).collect();
+        self.rgb(view, "seen", size, &pixels)
     }
 
     /// Path of a view's file: `NAME.KIND.EXTENSION`, or `NAME.EXTENSION` without a kind.

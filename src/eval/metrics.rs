@@ -20,7 +20,14 @@ pub struct ImageScore {
     /// Peak signal-to-noise ratio over all pixels and channels, decibels. Infinite for equal images, `null` in JSON.
     #[serde(serialize_with = "finite_or_null", deserialize_with = "null_is_infinite")]
     pub psnr: f64,
-    /// The same after an affine fit of the render's colours to the photograph's ([`super::psnr_cc`]). NaN
+    /// The same over the pixels that at least one photograph to train on sees ([`super::SeenPixels`]); nothing where
+    /// there is no such pixel, or which these are was not asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_seen: Option<f64>,
+    /// The share of these pixels, from 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seen: Option<f64>,
+    /// PSNR over all pixels after an affine fit of the render's colours to the photograph's ([`super::psnr_cc`]). NaN
     /// where a file does not have it.
     #[serde(default = "not_known", serialize_with = "finite_or_null", deserialize_with = "null_is_infinite")]
     pub psnr_cc: f64,
@@ -35,6 +42,26 @@ pub struct ImageScore {
     /// PSNR where the photograph has high frequencies ([`super::psnr_high_frequency`]).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_high_frequency: Option<f64>,
+}
+
+/// Means over held-out views, and each view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Quality {
+    /// Mean PSNR in decibels; NaN without views.
+    pub psnr: f64,
+    /// Mean SSIM; NaN without views.
+    pub ssim: f64,
+    /// Each view.
+    pub images: Vec<ImageScore>,
+}
+
+impl Quality {
+    /// The means over `images`.
+    pub fn of(images: Vec<ImageScore>) -> Self {
+        let psnr = mean(images.iter().map(|i| i.psnr)).unwrap_or(f64::NAN);
+        let ssim = mean(images.iter().map(|i| i.ssim)).unwrap_or(f64::NAN);
+        Self { psnr, ssim, images }
+    }
 }
 
 /// The numbers of a run. The field names are the keys of `metrics.json`.
@@ -63,6 +90,13 @@ pub struct Metrics {
     pub forms: Option<String>,
     /// Mean of the views' PSNR; `null` without held-out views (or when a render equals its photograph).
     pub psnr: Option<f64>,
+    /// Mean of the views' PSNR over the pixels that at least one photograph to train on sees, of the views that have
+    /// such pixels; absent where it was not asked which these are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_seen: Option<f64>,
+    /// Mean of the views' shares of these pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seen: Option<f64>,
     /// Mean of the views' PSNR after a colour fit for each, beside `psnr` and not in its place.
     #[serde(default)]
     pub psnr_cc: Option<f64>,
@@ -195,6 +229,8 @@ impl Metrics {
     pub fn with_images(mut self, images: Vec<ImageScore>) -> Self {
         self.test_images = images.len();
         self.psnr = mean(images.iter().map(|i| i.psnr));
+        self.psnr_seen = mean_seen(&images);
+        self.seen = mean_if_all(images.iter().map(|i| i.seen));
         self.psnr_cc = mean(images.iter().map(|i| i.psnr_cc));
         self.ssim = mean(images.iter().map(|i| i.ssim));
         self.lpips_squeeze = mean_if_all(images.iter().map(|i| i.lpips_squeeze));
@@ -217,6 +253,11 @@ impl Metrics {
         let text = read_text(path).map_err(|source| MetricsError::File { path: path.to_owned(), source })?;
         serde_json::from_str(&text).map_err(|source| MetricsError::Json { path: path.to_owned(), source })
     }
+}
+
+/// The mean of PSNR over what is seen, of the views of which something is.
+pub fn mean_seen(images: &[ImageScore]) -> Option<f64> {
+    mean(images.iter().filter_map(|i| i.psnr_seen))
 }
 
 /// The largest resident set of this process so far, in bytes, where the system tells (`VmHWM` of Linux).

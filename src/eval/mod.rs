@@ -6,8 +6,8 @@ mod exposure;
 pub mod geometry;
 mod gmsd;
 mod metrics;
-mod quality;
 mod report;
+mod seen;
 mod ssim;
 mod texture;
 mod training_photographs;
@@ -17,12 +17,14 @@ pub use colour_fit::{psnr_cc, psnr_cc_where};
 pub use exposure::{Exposures, Follows};
 pub use geometry::{Geometry, GeometryError, GeometryTruth};
 pub use gmsd::gmsd;
-pub use metrics::{ExposureScores, ImageScore, Metrics, MetricsError, PhotographWait, Streaming, peak_host_bytes};
-pub use quality::Quality;
+pub use metrics::{
+    ExposureScores, ImageScore, Metrics, MetricsError, PhotographWait, Quality, Streaming, mean_seen, peak_host_bytes,
+};
 pub use report::{
     Curve, CurveForm, DepthMap, REPORT_BYTES, ReportData, ReportError, StagePanel, ViewPanel, is_report, render_report,
     write_report,
 };
+pub use seen::SeenPixels;
 pub use ssim::{psnr, psnr_where, ssim, ssim_where};
 pub use texture::psnr_high_frequency;
 pub use training_photographs::{TrainingPhotograph, median_loss, misfits, worst_first};

@@ -9,7 +9,7 @@ use crate::common;
 use crate::run::Running;
 use crate::run::{OPTIONS, STEPS, Shared, fails, psrgs, shared, stderr, text, works};
 
-const KEYS: &str = "method iterations scene train_images test_images width height seed device forms psnr psnr_cc ssim \
+const KEYS: &str = "method iterations scene train_images test_images width height seed device forms psnr psnr_seen seen psnr_cc ssim \
                     gmsd psnr_high_frequency splats bytes seconds seconds_stereo seconds_saliency \
                     seconds_per_iteration peak_device_bytes peak_host_bytes images training_photographs psnr_offpath \
                     depth_median_error depth_within_0_5_percent depth_within_2_percent depth_coverage \
@@ -38,6 +38,11 @@ fn a_training_leaves_every_file_that_is_promised() {
     assert_eq!(images.len(), 2);
     let mean = images.iter().map(|i| i["psnr"].as_f64().expect("a number")).sum::<f64>() / 2.0;
     assert!((mean - metrics["psnr"].as_f64().expect("a number")).abs() < 1e-9);
+    let of_images = |key: &str| images.iter().map(|i| i[key].as_f64().expect("a number")).sum::<f64>() / 2.0;
+    for key in ["psnr_seen", "seen"] {
+        assert!((of_images(key) - metrics[key].as_f64().expect("a number")).abs() < 1e-9, "{key}");
+    }
+    assert!(metrics["seen"].as_f64().is_some_and(|share| share > 0.2 && share < 1.0), "{}", metrics["seen"]);
     assert!(images.iter().all(|i| i["psnr_cc"].as_f64() >= i["psnr"].as_f64()), "a colour fit never costs");
     assert!(!run.join("exposures.json").exists(), "exposures are off unless asked for");
 }

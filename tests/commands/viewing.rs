@@ -54,6 +54,7 @@ fn eval_of_a_trained_model_gives_the_numbers_of_training() {
     {
         let name = got["name"].as_str().expect("a name");
         assert_eq!(got["name"], want["name"]);
+        assert!(got["seen"].is_number() && got["seen"] == want["seen"], "{} and {}", got["seen"], want["seen"]);
         assert!(table.contains(name) && table.contains("mean"), "{table}");
         let picture = format!("{}.render.png", name.trim_end_matches(".jpg"));
         let (ours, theirs) = (rgb(&out.join(&picture)), rgb(&shared.run().join("renders").join(&picture)));

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
-use psrgs_vk::dataset::{Dataset, LoadOptions};
+use psrgs_vk::dataset::{Dataset, HostShare, LoadOptions, Role};
 use psrgs_vk::eval::geometry::{Agreement, Closest, Known, measure, off_surface};
-use psrgs_vk::eval::{Geometry, GeometryTruth};
+use psrgs_vk::eval::{Geometry, GeometryTruth, SeenPixels};
 use psrgs_vk::format::image_out::{read_depth, read_normals};
 use psrgs_vk::format::ply::Mesh;
 use psrgs_vk::pass::camera::Projection;
@@ -304,4 +304,43 @@ fn maps_of_another_size_are_used_and_of_another_shape_refused() {
     let error = measure(&truth, &model, |_| -> anyhow::Result<Picture> { unreachable!("not of this shape") });
     let error = error.unwrap_err().to_string();
     assert!(error.contains("view_0000.exr") && error.contains("(72, 96)") && error.contains("shape"), "{error}");
+}
+
+/// What is seen by true depths and by points differs in few pixels; a photograph that is not trained on sees nothing,
+/// and where nothing tells a depth, all counts as seen.
+#[test]
+fn what_is_seen_is_made_of_depths_points_and_cameras() {
+    let dir = tempfile::tempdir().unwrap();
+    let params = WorldParams {
+        images: 17,
+        max_side: 96,
+        nadir_share: 1.0,
+        offpath: 0,
+        effects: Effects::none(),
+        supersample: 1,
+        lidar: LidarParams { density: 0.1, ..LidarParams::default() },
+        ..WorldParams::default()
+    };
+    generate(&params, dir.path(), &mut |_| ()).unwrap();
+    let seen_of = |trained_on: &dyn Fn(&str) -> bool| {
+        let data = Dataset::load(dir.path(), &LoadOptions::default()).unwrap();
+        let seen = SeenPixels::of(&data, &HostShare::unlimited(), trained_on).unwrap();
+        let of =
+            |view: &psrgs_vk::dataset::View| seen.of_photograph(&view.name, (view.camera.width, view.camera.height));
+        data.views_of(Role::HeldOut).flat_map(|(_, view)| of(view)).collect::<Vec<bool>>()
+    };
+    let share = |pixels: &[bool]| pixels.iter().filter(|seen| **seen).count() as f64 / pixels.len() as f64;
+    let few = |name: &str| ["1.", "3.", "5."].iter().any(|end| name.contains(end));
+    let (truth, all) = (seen_of(&few), seen_of(&|_| true));
+    println!("{} of what few see, {} of what all see", share(&truth), share(&all));
+    assert!((0.1..0.7).contains(&share(&truth)) && share(&all) > share(&truth) + 0.05);
+    assert!(truth.iter().zip(&all).all(|(few, all)| *all || !*few), "more photographs see more");
+    assert_eq!(share(&seen_of(&|_| false)), 0.0);
+    std::fs::remove_dir_all(dir.path().join("depth")).unwrap();
+    let by_points = seen_of(&few);
+    let other = truth.iter().zip(&by_points).filter(|(a, b)| a != b).count() as f64 / truth.len() as f64;
+    println!("{other} of the pixels are otherwise by points");
+    assert!(other < 0.03 && other > 0.0);
+    std::fs::remove_file(dir.path().join("sparse/0/points3D.bin")).unwrap();
+    assert_eq!(share(&seen_of(&few)), 1.0, "without depths and points");
 }

@@ -1,15 +1,19 @@
-//! Files about a scored model: JSON, and the report beside its renders.
+//! Files and tables about a scored model: JSON, and the report beside its renders.
 
 use std::path::Path;
 use std::time::Instant;
 
 use psrgs_vk::dataset::{Dataset, Role};
-use psrgs_vk::eval::{self, ExposureScores, Geometry, ImageScore, Metrics, ReportData, ReportError, mean, mean_if_all};
+use psrgs_vk::eval::{
+    self, ExposureScores, Geometry, ImageScore, Metrics, ReportData, ReportError, mean, mean_if_all, mean_seen,
+};
 use psrgs_vk::format::atomic;
+use psrgs_vk::numbers::percent;
 use psrgs_vk::train::settings::Split;
 use psrgs_vk::vk::Gpu;
 
 use super::{Args, warnings};
+use crate::cli::console;
 use crate::cli::held_out::Compared;
 use crate::cli::model_file::ModelFile;
 use crate::cli::outputs;
@@ -49,6 +53,8 @@ struct Scores<'a> {
     bytes: u64,
     /// Means, as in `metrics.json`.
     psnr: Option<f64>,
+    psnr_seen: Option<f64>,
+    seen: Option<f64>,
     psnr_cc: Option<f64>,
     ssim: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -103,6 +109,8 @@ impl Scored<'_> {
             splats: self.model.splats(),
             bytes: self.model.bytes,
             psnr: mean(images.iter().map(|i| i.psnr)),
+            psnr_seen: mean_seen(images),
+            seen: mean_if_all(images.iter().map(|i| i.seen)),
             psnr_cc: mean(images.iter().map(|i| i.psnr_cc)),
             ssim: mean(images.iter().map(|i| i.ssim)),
             lpips_squeeze: mean_if_all(images.iter().map(|i| i.lpips_squeeze)),
@@ -128,6 +136,8 @@ impl Scored<'_> {
             device: self.gpu.caps().device.clone(),
             forms: None,
             psnr: None,
+            psnr_seen: None,
+            seen: None,
             psnr_cc: None,
             ssim: None,
             lpips_squeeze: None,
@@ -167,4 +177,36 @@ fn settings(args: &Args, model: &ModelFile, metrics: &Metrics) -> Vec<(String, S
 /// The name of a model in the report: its file's name.
 fn file_name(path: &Path) -> String {
     path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// The scores of each photograph, and the means.
+pub(super) fn scores_table(images: &[ImageScore]) -> String {
+    let decibels = |v: f64| if v.is_finite() { format!("{v:.3}") } else { "equal".to_owned() };
+    let with_lpips = images.iter().any(|i| i.lpips_squeeze.is_some());
+    let row = |name: &str, psnr, (of_seen, seen): (Option<f64>, Option<f64>), fitted, ssim, lpips: Option<f64>| {
+        let [of_seen, seen] =
+            [of_seen.map(decibels), seen.map(|share| percent(share, 1))].map(Option::unwrap_or_default);
+        let mut row = vec![name.to_owned(), decibels(psnr), of_seen, seen, decibels(fitted), format!("{ssim:.4}")];
+        row.extend(with_lpips.then(|| lpips.map_or_else(String::new, |v| format!("{v:.4}"))));
+        row
+    };
+    let mut rows = vec![
+        ["photograph", "PSNR, dB", "of what is seen", "seen", "colours fitted", "SSIM"].map(str::to_owned).to_vec(),
+    ];
+    rows[0].extend(with_lpips.then(|| "LPIPS".to_owned()));
+    rows.extend(images.iter().map(|i| row(&i.name, i.psnr, (i.psnr_seen, i.seen), i.psnr_cc, i.ssim, i.lpips_squeeze)));
+    let mean_of = |value: fn(&ImageScore) -> f64| mean(images.iter().map(value));
+    if let (Some(psnr), Some(ssim)) = (mean_of(|i| i.psnr), mean_of(|i| i.ssim)) {
+        let lpips = mean_if_all(images.iter().map(|i| i.lpips_squeeze));
+        let seen = (mean_seen(images), mean_if_all(images.iter().map(|i| i.seen)));
+        rows.push(row("mean", psnr, seen, mean_of(|i| i.psnr_cc).unwrap_or(f64::INFINITY), ssim, lpips));
+    }
+    console::table(&rows)
+}
+
+/// The scores of the geometry.
+pub(super) fn geometry_table(geometry: &Geometry) -> String {
+    let mut rows = vec![["geometry", "against the truth"].map(str::to_owned).to_vec()];
+    rows.extend(geometry.rows().into_iter().map(|(name, value)| vec![name.to_owned(), value]));
+    console::table(&rows)
 }

@@ -9,6 +9,7 @@ mod truth;
 pub use closest::Closest;
 pub use pictures::Agreement;
 pub use surface::{OffSurface, off_surface};
+pub(super) use truth::{DepthFile, depth_maps};
 pub use truth::{GeometryError, GeometryTruth, Known};
 
 use serde::{Deserialize, Serialize};

@@ -122,6 +122,25 @@ impl GeometryTruth {
     }
 }
 
+/// A file with the true depths of a view.
+pub(in crate::eval) struct DepthFile(PathBuf, DecodeLimit);
+
+impl DepthFile {
+    /// Width, height, and depths along the axis of the view's camera in the dataset's units.
+    pub(in crate::eval) fn read(&self, camera: &Camera) -> Result<(u32, u32, Vec<f32>), GeometryError> {
+        let map = read_depth_within(&self.0, self.1)?;
+        at_size(camera, &self.0, (map.width, map.height))?;
+        Ok((map.width, map.height, map.values))
+    }
+}
+
+/// The true depths of some views of a dataset, where it has them.
+pub(in crate::eval) fn depth_maps(dataset: &Dataset, views: &[usize]) -> Vec<Option<DepthFile>> {
+    let views: Vec<&dataset::View> = views.iter().filter_map(|at| dataset.views.get(*at)).collect();
+    let files = beside(&dataset.path.join("depth"), &views);
+    files.into_iter().zip(views).map(|(file, view)| Some(DepthFile(file?, view.limit))).collect()
+}
+
 /// The map of each view in a folder of them, under the view's name or one that differs a little.
 fn beside(folder: &Path, views: &[&dataset::View]) -> Vec<Option<PathBuf>> {
     let name = |view: &&dataset::View| vec![Path::new(&view.name).with_extension("exr").to_string_lossy().into_owned()];

@@ -135,7 +135,17 @@ impl ViewPanel {
     /// The view's numbers.
     pub fn score(&self) -> ImageScore {
         let Self { psnr, psnr_cc, ssim, lpips_squeeze, gmsd, psnr_high_frequency, .. } = *self;
-        ImageScore { name: self.name.clone(), psnr, psnr_cc, ssim, lpips_squeeze, gmsd, psnr_high_frequency }
+        ImageScore {
+            name: self.name.clone(),
+            psnr,
+            psnr_seen: None,
+            seen: None,
+            psnr_cc,
+            ssim,
+            lpips_squeeze,
+            gmsd,
+            psnr_high_frequency,
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use super::row;
 use super::text::{bytes, decibels, duration};
 use crate::eval::Metrics;
 use crate::format::markup::escape;
-use crate::numbers::{counted, fraction, grouped};
+use crate::numbers::{counted, fraction, grouped, percent};
 
 /// Whether the numbers are of a training, and not of the scoring of a finished model.
 pub(super) fn trained(m: &Metrics) -> bool {
@@ -49,6 +49,9 @@ pub(super) fn numbers(m: &Metrics) -> String {
     let optional = |v: Option<u64>| v.map_or_else(|| "not known".into(), bytes);
     let geometry = m.geometry.rows();
     let lpips = m.lpips_squeeze.map(|v| ("LPIPS on SqueezeNet", format!("{v:.4}")));
+    let seen = m.psnr_seen.zip(m.seen).map(|(psnr, seen)| {
+        ("PSNR of what is seen", format!("{} dB, {} of the pixels", decibels(Some(psnr)), percent(seen, 1)))
+    });
     let own = m.exposures.and_then(|e| e.psnr_own_colours);
     let own = own.map(|psnr| ("PSNR, the model's own colours", format!("{} dB", decibels(Some(psnr)))));
     let of_training = ["method", "iterations", "training images", "seed", "time per step"];
@@ -72,6 +75,7 @@ pub(super) fn numbers(m: &Metrics) -> String {
         ("peak host memory", optional(m.peak_host_bytes)),
     ]
     .iter()
+    .chain(&seen)
     .chain(&own)
     .chain(&lpips)
     .chain(&geometry)

@@ -49,6 +49,7 @@ pub(super) fn quality(
 }
 
 /// Compares an 8-bit RGB render with a view's photograph, also rounded to 8 bits, at the pixels that are not masked.
+/// [`crate::eval::SeenPixels`] adds the score of the pixels that are seen.
 pub fn score(view: &View, photograph: &Pixels, rgb: &[u8]) -> ImageScore {
     let truth = photograph.rgb8();
     let (width, height) = (view.camera.width as usize, view.camera.height as usize);
@@ -63,5 +64,15 @@ pub fn score(view: &View, photograph: &Pixels, rgb: &[u8]) -> ImageScore {
     let counts = (view.masked() > 0).then(|| photograph.counting());
     let gmsd = gmsd(rgb, &truth, counts.as_deref(), width, height);
     let psnr_high_frequency = psnr_high_frequency(rgb, photograph, view.camera.width, view.camera.height);
-    ImageScore { name: view.name.clone(), psnr, psnr_cc, ssim, lpips_squeeze: None, gmsd, psnr_high_frequency }
+    ImageScore {
+        name: view.name.clone(),
+        psnr,
+        psnr_seen: None,
+        seen: None,
+        psnr_cc,
+        ssim,
+        lpips_squeeze: None,
+        gmsd,
+        psnr_high_frequency,
+    }
 }
