@@ -7,7 +7,7 @@ use std::fs;
 use common::plane_scene;
 use psrgs_vk::raster::{GradientSum, TileShape, Variants};
 use psrgs_vk::train::settings::Tune;
-use psrgs_vk::train::tune::{self, SizeClass, Tuned, Why};
+use psrgs_vk::train::tune::{self, ChoiceReason, SizeClass, Tuned};
 use psrgs_vk::train::{Input, Pacing, Settings, State, Trainer, chosen_variants};
 use psrgs_vk::vk::Gpu;
 
@@ -67,14 +67,14 @@ fn a_choice_is_kept_and_a_damaged_file_is_replaced() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let cache = folder.path().join("not/there/yet");
     let tuned = |settings: &Settings| tune::tuned(&gpu, &input(), settings, Some(&cache)).expect("a choice");
-    let timed = |t: &Tuned| matches!(&t.why, Why::Timed(times) if times.len() >= 2);
+    let timed = |t: &Tuned| matches!(&t.why, ChoiceReason::Timed(times) if times.len() >= 2);
     let auto = settings(Tune::Auto);
 
     let first = tuned(&auto);
     assert!(timed(&first) && first.warning.is_none(), "{first}");
     assert!(first.to_string().contains(" ms") && first.to_string().contains("timed"), "{first}");
     let again = tuned(&auto);
-    assert_eq!((&again.why, again.variants), (&Why::Kept, first.variants));
+    assert_eq!((&again.why, again.variants), (&ChoiceReason::Kept, first.variants));
     assert!(again.to_string().contains("`tune` again"), "{again}");
     assert!(timed(&tuned(&settings(Tune::Again))), "asked to time again");
 
@@ -84,7 +84,7 @@ fn a_choice_is_kept_and_a_damaged_file_is_replaced() {
     assert_ne!(SizeClass::of(&large, 1), SizeClass::of(&large, 4), "steps of a quarter of a photograph");
     let other = tune::tuned(&gpu, &large, &auto, Some(&cache)).expect("a choice");
     assert!(timed(&other));
-    assert_eq!(tuned(&auto).why, Why::Kept);
+    assert_eq!(tuned(&auto).why, ChoiceReason::Kept);
 
     let file = cache.join("forms.json");
     let good = fs::read_to_string(&file).expect("a file");
@@ -93,8 +93,8 @@ fn a_choice_is_kept_and_a_damaged_file_is_replaced() {
         let got = tuned(&auto);
         assert!(timed(&got), "{damaged:?}: {got}");
         let warning = got.warning.expect("a warning");
-        assert!(warning.contains("forms.json") && warning.contains("made anew"), "{warning}");
-        assert_eq!(tuned(&auto).why, Why::Kept);
+        assert!(warning.contains("forms.json") && warning.contains("written anew"), "{warning}");
+        assert_eq!(tuned(&auto).why, ChoiceReason::Kept);
     }
     // Entries of another driver, or of a variant that this device cannot run, are ignored.
     for (from, to) in [("\"driver\": \"", "\"driver\": \"other "), ("\"tile\": \"", "\"tile\": \"hexagonal ")] {
@@ -116,7 +116,7 @@ fn what_is_fixed_is_not_timed() {
         let tuned = tune::tuned(&gpu, &input(), settings, Some(folder.path())).expect("a choice");
         assert_eq!(tuned.variants, chosen_variants(&gpu, settings).expect("forms"));
         match tuned.why {
-            Why::Capability(why) => why,
+            ChoiceReason::Capability(why) => why,
             other => panic!("{other:?}"),
         }
     };
@@ -138,7 +138,7 @@ fn what_is_fixed_is_not_timed() {
     s.blending.tile_shape = Some(TileShape::Pixel);
     s.stepping.gradient_sum = None;
     let tuned = tune::tuned(&gpu, &input(), &s, Some(folder.path())).expect("a choice");
-    let Why::Timed(times) = &tuned.why else { panic!("{tuned}") };
+    let ChoiceReason::Timed(times) = &tuned.why else { panic!("{tuned}") };
     assert!(times.len() > 1 && times.iter().all(|t| t.0.tile == TileShape::Pixel), "{tuned}");
     assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 0);
 }

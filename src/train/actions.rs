@@ -1,5 +1,5 @@
-//! What the host does to the model between steps. Each action has a file of its own, implements [`HostAction`], and is listed
-//! in [`Actions::new`]; nothing else knows an action by name.
+//! What the host does to the model between steps. Each action has a file of its own, implements [`HostAction`], and is
+//! listed in [`Actions::new`]; nothing else knows an action by name.
 
 mod cloud;
 mod propagate;
@@ -24,16 +24,16 @@ use sparse_sh::SettleHarmonics;
 
 /// Something that the host does before an event.
 pub(super) trait HostAction: Send + Sync {
-    /// Whether the action may be due before an event. Depends on the schedule alone, so that a run does not depend on how many
-    /// events are in flight.
+    /// Whether the action may be due before an event. Depends on the schedule alone, so that a run does not depend on
+    /// how many events are in flight.
     fn due(&self, schedule: &Schedule, event: Event) -> bool;
 
-    /// Whether the step before the action makes up for all missed optimiser steps: so for an action that moves rows or reads
-    /// what the optimiser has not stepped.
+    /// Whether the step before the action makes up for all missed optimiser steps: so for an action that moves rows or
+    /// reads what the optimiser has not stepped.
     fn catches_up(&self) -> bool;
 
-    /// Runs the action before a step. Everything submitted is done, and nothing is submitted meanwhile. `None` if the action
-    /// may run again when the event is repeated.
+    /// Runs the action before a step. Everything submitted is done, and nothing is submitted meanwhile. `None` if the
+    /// action may run again when the event is repeated.
     fn run(&mut self, engine: &mut Engine, schedule: &Schedule, step: u32) -> Result<Option<Change>, Error>;
 }
 

@@ -1,11 +1,11 @@
-//! Density control on the device: rules, statistics, and the recording of a whole density change or opacity reset.
+//! Density control on the device: rules, statistics, density changes and opacity resets.
 
 mod order;
 mod rules;
 mod statistics;
 
-pub use rules::{DensityRules, Sampled, logit};
-pub(super) use statistics::{Seen, Statistics};
+pub use rules::{DensityRules, SampledGrowth, logit};
+pub(super) use statistics::{Statistics, StatisticsInput};
 
 use order::{ByBirth, Ordering};
 
@@ -20,7 +20,7 @@ use crate::raster::scan::{Scan, ScanExtent, Summand};
 use crate::raster::sort::SortShape;
 use crate::vk::{Buffer, BufferSlice, Gpu, Groups, Memory, Pipeline, Recorder, Result, slices};
 
-/// Entries of `args` that a density change plans.
+/// Number of entries of `args` that a density change uses.
 pub const ARGS: u32 = 5;
 
 const WIDTHS: [u32; 8] = [3, 4, 3, 1, 12, 12, 12, 12];
@@ -29,21 +29,22 @@ const QUATS: usize = 1;
 const SCALES: usize = 2;
 const OPACITIES: usize = 3;
 
-/// What a density change reads and writes and what outlives it. Planes are in the model's order: means, rotations, scales,
-/// opacities, four groups of spherical harmonics; all have room for the same number of splats.
+/// Buffers that a density change reads and writes. Planes are in the model's order: means, quats, scales, opacities,
+/// four groups of spherical harmonics. All planes have room for the same number of splats, except for harmonics above
+/// degree 1 of a `plain` model.
 #[derive(Clone, Copy)]
-pub struct Model<'a> {
+pub struct DensityModel<'a> {
     /// The parameters.
     pub planes: &'a [Buffer; 8],
-    /// Whether no splat has harmonics above degree 1, of which the planes may have fewer rows: then they stay as they are.
+    /// Whether no splat has harmonics above degree 1 yet. Their planes may have fewer rows and are left as they are.
     pub plain: bool,
-    /// First moments of the optimiser, or both where they share words.
+    /// First moments of the optimiser, or the words that hold both moments.
     pub first_moments: &'a [Buffer; 8],
-    /// Second moments of the optimiser, where they have planes of their own.
+    /// Second moments of the optimiser, if they have planes of their own.
     pub second_moments: Option<&'a [Buffer; 8]>,
     /// Statistics, a vec4 per splat.
     pub stats: &'a Buffer,
-    /// Scores of sampled growth, a vec2 per splat, where growth is sampled.
+    /// Scores of sampled growth, a vec2 per splat; `None` for growth by thresholds.
     pub scores: Option<&'a Buffer>,
     /// Persistent identities.
     pub ids: &'a Buffer,
@@ -51,28 +52,30 @@ pub struct Model<'a> {
     pub counters: &'a Buffer,
     /// Workgroup numbers of indirect dispatches.
     pub args: &'a Buffer,
-    /// Memory to work in.
+    /// Scratch memory.
     pub scratch: Scratch<'a>,
 }
 
-impl Model<'_> {
+impl DensityModel<'_> {
     /// Whether the rows of plane `p` move with the splats.
     fn moves(&self, p: usize) -> bool {
         p < SH_HIGHER || !self.plain
     }
 }
 
-/// Memory that density changes overwrite: two buffers of [`SCRATCH_BYTES`] per splat of the capacity (and [`SCRATCH_LEAST`] in
-/// all). Training lends those of the projected splats and of their gradients, which nobody reads between two steps:
+/// Memory that density changes overwrite: two buffers of [`SCRATCH_BYTES`] per splat of the capacity, at least
+/// [`SCRATCH_LEAST`] each. Training lends the buffers of the projected splats and of their gradients, which no pass
+/// reads between two steps.
 ///
-/// | bytes of `words`, per splat | owner |
+/// | bytes of `words`, per splat | contents |
 /// |---|---|
-/// | 16 | flags: four segments of `capacity` words: kept, clone, first child, second child |
-/// | 16 | where the flagged rows go, likewise |
+/// | 16 | flags in four segments of `capacity` words: kept, clone, first child, second child |
+/// | 16 | new rows of the flagged splats, in the same segments |
 /// | 4 | source and kind of each new row |
 /// | 4 | identities before the change |
 ///
-/// `rows` holds a copy of the plane that is being moved, of up to 48 bytes per splat; before, what `order::ByBirth` says.
+/// `rows` holds the parts of `order::ByBirth`, and later a copy of the plane that is being moved, up to 48 bytes per
+/// splat.
 #[derive(Clone, Copy)]
 pub struct Scratch<'a> {
     /// A copy of a plane.
@@ -83,24 +86,24 @@ pub struct Scratch<'a> {
 
 /// Bytes per splat that each buffer of [`Scratch`] has.
 pub const SCRATCH_BYTES: u64 = 48;
-/// Least size of each buffer of [`Scratch`]: room for the alignment of its parts.
+/// Least bytes of each buffer of [`Scratch`]: room for the alignment of its parts.
 pub const SCRATCH_LEAST: u64 = crate::raster::LEAST_2D;
 
 impl<'a> Scratch<'a> {
-    fn parts(self, capacity: u32, alignment: u64) -> Parts<'a> {
+    fn parts(self, capacity: u32, alignment: u64) -> ScratchParts<'a> {
         let mut end = 0u64;
         let [flags, offsets, map, old_ids] = [16, 16, 4, 4].map(|bytes| {
             let begin = end.next_multiple_of(alignment);
             end = begin + bytes * u64::from(capacity);
             self.words.slice(begin..end)
         });
-        Parts { flags, offsets, map, old_ids, scratch: self }
+        ScratchParts { flags, offsets, map, old_ids, scratch: self }
     }
 }
 
 /// The parts of the scratch memory.
 #[derive(Clone, Copy)]
-struct Parts<'a> {
+struct ScratchParts<'a> {
     flags: BufferSlice<'a>,
     offsets: BufferSlice<'a>,
     map: BufferSlice<'a>,
@@ -108,16 +111,16 @@ struct Parts<'a> {
     scratch: Scratch<'a>,
 }
 
-/// What decides which splats grow and which go: rules, and the event that keys the random draws.
+/// The rules that decide which splats grow and which are pruned, and the event that keys the random draws.
 #[derive(Clone, Copy)]
 struct Decision<'a> {
     rules: &'a DensityRules,
     event: u32,
 }
 
-/// A plane of rows, as many floats wide.
+/// A plane whose rows have `width` floats.
 #[derive(Clone, Copy)]
-struct Rows<'a> {
+struct PlaneRows<'a> {
     plane: &'a Buffer,
     width: u32,
 }
@@ -144,8 +147,8 @@ pub struct DensityControl {
 }
 
 impl DensityControl {
-    /// For models with room for `capacity` splats in a scene of the given extent. Entries `first_entry` to `first_entry + ARGS` of `args`
-    /// are its own; `shape` is that of the sorts.
+    /// For models with room for `capacity` splats in a scene of the given extent. Uses entries `first_entry` to
+    /// `first_entry + ARGS` of `args`, which no other pass may use; `shape` is that of the sorts.
     pub fn new(gpu: &Gpu, capacity: u32, first_entry: u32, extent: f64, shape: SortShape) -> Result<Self> {
         let capacity = capacity.max(1);
         let n = u64::from(capacity);
@@ -173,7 +176,7 @@ impl DensityControl {
         })
     }
 
-    /// Bytes of its own buffers; the scratch memory is lent.
+    /// Bytes of the buffers, without the scratch memory, which is lent.
     pub fn bytes(&self) -> u64 {
         self.tally.size() + self.scan.bytes() + self.order.bytes()
     }
@@ -183,15 +186,16 @@ impl DensityControl {
         self.capacity
     }
 
-    /// Records a density change: clone, split, prune; afterwards rows lie along Morton's curve. The host learns of no count: when the result has no room, the status
-    /// and the wish are noted and nothing else is written. `event` keys the random draws.
-    pub fn record(&self, rec: &mut Recorder, model: &Model<'_>, rules: &DensityRules, event: u32) -> Result<()> {
+    /// Records a density change: clone, split, prune. Afterwards rows are in Morton order. No count comes back to the
+    /// host: if the result has no room, status and wanted capacity are written to the counters and nothing else is
+    /// written. `event` keys the random draws.
+    pub fn record(&self, rec: &mut Recorder, model: &DensityModel<'_>, rules: &DensityRules, event: u32) -> Result<()> {
         let parts = model.scratch.parts(self.capacity, self.alignment);
-        let Parts { flags, offsets, map, old_ids, scratch } = parts;
+        let ScratchParts { flags, offsets, map, old_ids, scratch } = parts;
         let sorted = self.order.record_births(rec, model)?;
         self.decide(rec, model, &parts, &sorted, Decision { rules, event })?;
 
-        // The capacity is checked first: once it has failed, `plan` writes nothing but zeros.
+        // The capacity is checked first: if the check fails, `plan` writes zeros only.
         let [entry_new, entry_old] = [self.first_entry, self.first_entry + ARGS - 1];
         let items = Entry::items(64);
         let [sort, table, once] = Ordering::entries(self.shape);
@@ -217,7 +221,7 @@ impl DensityControl {
             rec.dispatch(&self.axes, &[counts, quats, scales, moments, map], &push, new_rows)?;
         }
 
-        // Centres before rotations and scales: children are drawn from their parents' old ones.
+        // Means before quats and scales: children are drawn from the old quats and scales of their parents.
         self.set_aside(rec, scratch, &model.planes[MEANS], WIDTHS[MEANS])?;
         let [source, means, quats, scales] =
             slices([scratch.rows, &model.planes[MEANS], &model.planes[QUATS], &model.planes[SCALES]]);
@@ -235,26 +239,26 @@ impl DensityControl {
                 _ => MODE_COPY,
             };
             let push = densify_gather::Push { mode, keep: rules.keep_opacity };
-            self.gather(rec, model, &parts, Rows { plane, width }, push)?;
+            self.gather(rec, model, &parts, PlaneRows { plane, width }, push)?;
         }
         for moments in [model.first_moments].into_iter().chain(model.second_moments) {
             for (_, (plane, width)) in moments.iter().zip(WIDTHS).enumerate().filter(|(p, _)| model.moves(*p)) {
                 let push = densify_gather::Push { mode: MODE_MOMENT, keep: 1.0 };
-                self.gather(rec, model, &parts, Rows { plane, width }, push)?;
+                self.gather(rec, model, &parts, PlaneRows { plane, width }, push)?;
             }
         }
         let zero = densify_gather::Push { mode: MODE_ZERO, keep: 1.0 };
-        self.gather(rec, model, &parts, Rows { plane: model.stats, width: 4 }, zero)?;
+        self.gather(rec, model, &parts, PlaneRows { plane: model.stats, width: 4 }, zero)?;
         if let Some(plane) = model.scores {
-            self.gather(rec, model, &parts, Rows { plane, width: 2 }, zero)?;
+            self.gather(rec, model, &parts, PlaneRows { plane, width: 2 }, zero)?;
         }
 
         let push = densify_finish::Push { stride: self.capacity };
         rec.dispatch(&self.finish, &[counts, offsets, (&self.tally).into()], &push, Groups::Workgroups(1))
     }
 
-    /// Records an opacity reset: every opacity at most `cap`, moments of opacities zero.
-    pub fn record_reset(&self, rec: &mut Recorder, model: &Model<'_>, cap: f64) -> Result<()> {
+    /// Records an opacity reset: clamps every opacity to at most `cap`, and sets the moments of opacities to zero.
+    pub fn record_reset(&self, rec: &mut Recorder, model: &DensityModel<'_>, cap: f64) -> Result<()> {
         let push = plan::Push::unlimited(counters::SPLATS as u32, self.first_entry, &[Entry::items(64)]);
         rec.dispatch(&self.plan, &[model.counters, model.args], &push, Groups::Workgroups(1))?;
         let [plane, first, second] =
@@ -265,12 +269,12 @@ impl DensityControl {
         rec.dispatch(&self.reset, &[model.counters, plane, first, second], &push, rows)
     }
 
-    /// Flags and where the flagged rows go, in the order of birth.
+    /// Records the flags and the new rows of the flagged splats, in the order of birth.
     fn decide(
         &self,
         rec: &mut Recorder,
-        model: &Model<'_>,
-        parts: &Parts<'_>,
+        model: &DensityModel<'_>,
+        parts: &ScratchParts<'_>,
         sorted: &ByBirth<'_>,
         by: Decision<'_>,
     ) -> Result<()> {
@@ -302,7 +306,7 @@ impl DensityControl {
         Ok(())
     }
 
-    fn scan_flags(&self, rec: &mut Recorder, model: &Model<'_>, parts: &Parts<'_>) -> Result<()> {
+    fn scan_flags(&self, rec: &mut Recorder, model: &DensityModel<'_>, parts: &ScratchParts<'_>) -> Result<()> {
         let extent = ScanExtent::host(4 * self.capacity);
         let total = counters::SCAN_TOTAL as u32;
         self.scan.record(rec, [parts.flags, parts.offsets], model.counters, extent, Summand::Words, total)
@@ -315,12 +319,12 @@ impl DensityControl {
     fn gather(
         &self,
         rec: &mut Recorder,
-        model: &Model<'_>,
-        parts: &Parts<'_>,
-        rows: Rows<'_>,
+        model: &DensityModel<'_>,
+        parts: &ScratchParts<'_>,
+        rows: PlaneRows<'_>,
         push: densify_gather::Push,
     ) -> Result<()> {
-        let Rows { plane, width } = rows;
+        let PlaneRows { plane, width } = rows;
         let Some((_, pipeline)) = self.gathers.iter().find(|(w, _)| *w == width) else {
             return Ok(());
         };

@@ -1,4 +1,4 @@
-//! The device side of training: records an event, submits it, and later tells what came of it.
+//! The device side of training: records and submits events, and reads their outcomes.
 
 mod capacity;
 mod cost;
@@ -35,35 +35,35 @@ use crate::scene::Camera;
 use crate::stereo::Prior;
 use crate::vk::{Buffer, Gpu, Memory, Recorder, SubmitSync, Ticket};
 
-/// Opacity to which a reset lowers.
+/// Highest opacity after a reset.
 const RESET_OPACITY: f64 = 0.01;
 
 pub(super) use capacity::{Needs, PAIRS_PER_SPLAT};
 pub use cost::MemoryCost;
 pub(super) use rows::Appended;
 
-/// What grew, and its new capacity.
-pub(super) type Growth = Vec<(&'static str, u64)>;
+/// Names of the buffers that grew, and their new capacities.
+pub(super) type GrownCapacities = Vec<(&'static str, u64)>;
 
-/// What the device says of a finished event.
+/// The device's report of a finished event.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// The counters at the end of the event.
     pub counters: Vec<u32>,
     /// Loss of the step's view.
     pub loss: f32,
-    /// What was submitted of it.
+    /// Ticket of the event's submission.
     pub ticket: Ticket,
 }
 
-/// Density control for as many splats.
+/// Density control with room for `splats` splats.
 fn density_control(gpu: &Gpu, splats: u32, needs: &Needs) -> Result<DensityControl, Error> {
     let shape = SortShape::of(gpu.caps(), u64::from(splats));
     Ok(DensityControl::new(gpu, splats, DENSITY_ENTRY, needs.extent, shape)?)
 }
 
-/// Settings whose share of splats with all harmonics is no less than what a state has of them: since it was settled which ones have,
-/// others may have been dropped.
+/// The settings, with `sh_share` raised to the share of splats with all harmonics in `state`. The share may have risen
+/// after the choice of those splats, because other splats were dropped.
 fn keep_sh_share(state: Option<&State>, settings: &Settings) -> Settings {
     let mut settings = settings.clone();
     if let Some(state) = state.filter(|state| settings.model.sh_share < 1.0 && state.splats() > 0) {
@@ -73,7 +73,7 @@ fn keep_sh_share(state: Option<&State>, settings: &Settings) -> Settings {
     settings
 }
 
-/// Model, photographs, moments, statistics and the passes that work on them.
+/// Model, photographs, moments and statistics, with the passes that use them.
 pub struct Engine {
     gpu: Gpu,
     renderer: Renderer,
@@ -95,17 +95,17 @@ pub struct Engine {
     viewer: Viewer,
 }
 
-/// How an engine begins.
-pub(super) struct Start<'a> {
+/// Variants, state and first views of an engine.
+pub(super) struct EngineStart<'a> {
     pub(super) variants: Variants,
-    /// Replaces the initial model when a training goes on.
+    /// State of a resumed training, which replaces the initial model.
     pub(super) state: Option<State>,
-    /// The views of the first steps, as far as they are known.
+    /// The views of the first steps, whose photographs are decoded first; may be empty.
     pub(super) first_views: &'a [usize],
 }
 
 impl Engine {
-    /// Uploads everything. `state` replaces the initial model when a training goes on.
+    /// Uploads photographs, priors and model. `state` replaces the initial model when a training is resumed.
     pub fn new(
         gpu: &Gpu,
         input: &Input,
@@ -114,19 +114,19 @@ impl Engine {
         pacing: Pacing,
         state: Option<State>,
     ) -> Result<Self, Error> {
-        let start = Start { variants, state, first_views: &[] };
+        let start = EngineStart { variants, state, first_views: &[] };
         Self::new_prefetching(gpu, input, settings, pacing, start)
     }
 
-    /// The same where the views of the first steps are known, so that their photographs are decoded meanwhile.
+    /// As [`Self::new`], with known views of the first steps, whose photographs are decoded meanwhile.
     pub(super) fn new_prefetching(
         gpu: &Gpu,
         input: &Input,
         settings: &Settings,
         pacing: Pacing,
-        start: Start<'_>,
+        start: EngineStart<'_>,
     ) -> Result<Self, Error> {
-        let Start { variants, state, first_views } = start;
+        let EngineStart { variants, state, first_views } = start;
         let initial_splats = state.as_ref().map_or(input.initial.len() as u32, State::splats);
         let most_splats = most_splats(gpu);
         if initial_splats > most_splats {
@@ -141,7 +141,7 @@ impl Engine {
         let photographs = needs.photographs(gpu, needs.residency)?;
         let mut engine = Self::allocate(gpu, photographs, &needs, variants, splats, pairs)?;
         engine.initial_splats = initial_splats;
-        // The same for a resumed training: of the first model, not of the restored one.
+        // The limit depends on the first model, so that a resumed training has the same limit.
         let first = input.initial.len() as u32;
         engine.most_splats = needs.most_splats(variants).map(|most| most.max(first).max(initial_splats));
         engine.views.photographs.fill(gpu, &input.train, feed)?;
@@ -159,7 +159,7 @@ impl Engine {
         &self.views.cameras
     }
 
-    /// Everything that a training holds, with room for as many splats and pairs; contents undefined.
+    /// All buffers and passes of a training, with room for `splats` splats and `pairs` pairs; contents undefined.
     pub(super) fn allocate(
         gpu: &Gpu,
         photographs: Photographs,
@@ -202,17 +202,17 @@ impl Engine {
         })
     }
 
-    /// Most splats that the device memory has room for, where that is what limits them.
+    /// Most splats that the device memory has room for; `None` if memory does not limit them.
     pub fn most_splats(&self) -> Option<u32> {
         self.most_splats
     }
 
-    /// The splats that growth does not pass: what was asked for, or what fits.
+    /// Most splats after growth: the number asked for, or the number that fits, whichever is less.
     pub fn limit(&self) -> Option<u32> {
         self.settings.density.max_splats.into_iter().chain(self.most_splats).min()
     }
 
-    /// Seconds that the masks of the photographs took.
+    /// Seconds that making the saliency masks took.
     pub fn saliency_seconds(&self) -> f64 {
         self.views.saliency_seconds
     }
@@ -222,12 +222,12 @@ impl Engine {
         self.initial_splats
     }
 
-    /// Whether only some splats have harmonics above degree 1.
+    /// Whether some splats have no harmonics above degree 1.
     fn has_plain_splats(&self) -> bool {
         self.settings.model.sh_share < 1.0
     }
 
-    /// What is known of a view's depths and normals from now on.
+    /// Replaces the prior (depth and normals) of a view.
     pub(super) fn set_prior(&mut self, view: usize, prior: &Prior) -> Result<(), Error> {
         self.terms.geometry.as_mut().map_or(Ok(()), |geometry| geometry.set(&self.gpu, view, prior))
     }
@@ -242,17 +242,18 @@ impl Engine {
         &self.renderer
     }
 
-    /// The variant set in use.
+    /// The variants of the passes in use.
     pub fn variants(&self) -> Variants {
         self.renderer.variants()
     }
 
-    /// Records and submits an event; waits for nothing on the device, and for a photograph only where it was not named ahead.
+    /// Records and submits an event. Does not wait for the device; waits for a photograph only if it was not named
+    /// ahead.
     pub fn submit(&mut self, event: Event, plan: &StepPlan, view: usize) -> Result<Ticket, Error> {
         self.submit_with(event, plan, view, SubmitSync::default())
     }
 
-    /// The same between points of a host's timelines.
+    /// As [`Self::submit`], with waits and signals of the host's timelines.
     pub fn submit_with(
         &mut self,
         event: Event,
@@ -282,7 +283,7 @@ impl Engine {
         ticket
     }
 
-    /// Records an event. To be followed by [`Self::submit_recorded`].
+    /// Records an event. Call [`Self::submit_recorded`] next.
     pub fn record(&self, recorder: &mut Recorder, event: Event, plan: &StepPlan, view: usize) -> Result<(), Error> {
         let mut caught_up = None;
         match event.kind {
@@ -309,7 +310,8 @@ impl Engine {
         RenderView { camera, projection, background: plan.background }
     }
 
-    /// Learns what a step that is done tells of the saliency filter's width, where `plan` says so. Steps are to be told in their order.
+    /// Learns the saliency filter's width from a step that is done, if `plan` says so. Call it for the steps in their
+    /// order.
     pub fn learn_sigma(&mut self, plan: &StepPlan, view: usize, by: Ticket) -> Result<Option<SigmaUpdate>, Error> {
         match self.terms.sigma.as_mut().filter(|_| plan.learn_sigma) {
             Some(sigma) => sigma.learn(&self.gpu, plan.step, view, by),
@@ -317,7 +319,7 @@ impl Engine {
         }
     }
 
-    /// What came of an event. Waits for it if it is not done.
+    /// The outcome of an event. Waits until the event is done.
     pub fn outcome(&mut self, ticket: Ticket) -> Result<Outcome, Error> {
         self.reports.outcome(&self.gpu, ticket)
     }

@@ -85,7 +85,8 @@ pub enum Error {
     /// The photographs of a role have no pixel that is not masked.
     #[error(
         "{}: {} is masked all over, by its mask or by its transparency \
-         (`mask-ignores` names the colour of a mask that leaves pixels out, `transparent` says what transparent pixels are)",
+         (`mask-ignores` names the colour of a mask that leaves pixels out, \
+         `transparent` says what transparent pixels are)",
         dataset.display(),
         which_photographs(*role)
     )]

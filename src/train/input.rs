@@ -1,4 +1,5 @@
-//! What a training is given: views with photographs, and a first model; and whether a resumed training is given the same.
+//! What a training is given: views with photographs, and a first model; and whether a resumed training is given the
+//! same.
 
 mod dataset_fingerprint;
 
@@ -77,7 +78,8 @@ pub struct OptionalInput {
 pub struct Coloured {
     /// The points that had no colour.
     pub colourless: Colourless,
-    /// Whether the points are those of the dataset: then [`crate::dataset::Dataset::warnings`] tells that they had no colour.
+    /// Whether the points are those of the dataset: then [`crate::dataset::Dataset::warnings`] tells that they had no
+    /// colour.
     pub of_dataset: bool,
     /// Number of points with a colour taken from photographs.
     pub seen: usize,
@@ -88,8 +90,8 @@ pub struct Coloured {
 }
 
 impl Input {
-    /// Whether any first splat lies in front of a training camera and projects into its image, or no farther outside than
-    /// the image is wide and high.
+    /// Whether any first splat lies in front of a training camera and projects into its image, or no farther outside
+    /// than the image is wide and high.
     pub fn sees_any(&self) -> bool {
         let means = &self.initial.means;
         means.chunks_exact(3).any(|mean| self.train.iter().any(|view| is_before(&view.camera, mean)))

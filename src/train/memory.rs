@@ -104,8 +104,8 @@ impl fmt::Display for MemoryPlan {
         let most = counted(most, "splat");
         write!(
             f,
-            "device memory: {} for {}{}, {:.0} B per splat, {:.0} B per (splat, tile) pair, {:.0} B per pixel; {} at the \
-             start, with room for {} and {}; of the {} that may be used, {}",
+            "device memory: {} for {}{}, {:.0} B per splat, {:.0} B per (splat, tile) pair, {:.0} B per pixel; \
+             {} at the start, with room for {} and {}; of the {} that may be used, {}",
             readable(self.photographs.1),
             counted(self.photographs.0, "photograph"),
             if self.residency == Residency::Streamed { ", uploaded in their steps" } else { "" },

@@ -104,8 +104,8 @@ pub enum Message {
         /// Seconds since training began.
         seconds: f64,
     },
-    /// Scoring was given up because of [`super::Trainer::give_up_scoring_when`]. A run that goes on from a checkpoint of this
-    /// step scores again.
+    /// Scoring was given up because of [`super::Trainer::give_up_scoring_when`]. A run that goes on from a checkpoint
+    /// of this step scores again.
     ScoringGivenUp {
         /// Step.
         step: u32,

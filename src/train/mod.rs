@@ -1,4 +1,5 @@
-//! Training: settings, schedule, losses, optimiser, density control, checkpoints, and the trainer, which yields messages.
+//! Training: settings, schedule, losses, optimiser, density control, checkpoints, and the trainer, which yields
+//! messages.
 
 mod actions;
 pub mod cloud;

@@ -20,7 +20,8 @@ pub enum Residency {
 /// How far the host may run ahead of the device, how large the buffers start, and where the photographs are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pacing {
-    /// Events submitted whose outcome the host has not read, from 1 to 32. With 3 or more the wait never drains the device.
+    /// Events submitted whose outcome the host has not read, from 1 to 32. With 3 or more the wait never drains the
+    /// device.
     pub events_in_flight: usize,
     /// Splats that fit before the first growth; 0 for a capacity chosen from the input.
     pub splat_capacity: u32,

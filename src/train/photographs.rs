@@ -1,4 +1,5 @@
-//! The photographs of a training on the device, all of them or those of the next steps: how they come there, and what is made of them.
+//! The photographs of a training on the device: uploading all of them or those of the next steps, reduced copies and
+//! masks.
 
 mod coarse;
 mod prefetch;
@@ -10,7 +11,7 @@ pub(super) use prefetch::Feed;
 pub use prefetch::FeedCounts;
 pub(super) use saliencies::Saliencies;
 
-use upload_lru::Places;
+use upload_lru::StagingSlots;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -25,39 +26,43 @@ use crate::pass::loss;
 use crate::scene::Camera;
 use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
 
-/// Photographs that are uploaded to in turn, so that an upload need not wait for the step before.
+/// Device buffers that uploads use in turn, so that an upload need not wait for the step before.
 pub(super) const LANDINGS: usize = 2;
 
-/// Buffers of the photographs, and what is known of each.
+/// Buffers of the photographs, and size and depth of each photograph.
 pub(super) struct Photographs {
-    views: Vec<Known>,
-    place: Place,
+    layouts: Vec<PhotographLayout>,
+    storage: Storage,
 }
 
-struct Known {
+struct PhotographLayout {
     name: String,
     size: (u32, u32),
     depth: Depth,
-    /// What the means of the loss are taken over.
+    /// Number of values that the means of the loss are taken over.
     values: f32,
 }
 
-enum Place {
-    /// One buffer each, and one for the band of a step, where steps look at bands.
-    Resident(Vec<Buffer>, Option<Buffer>),
+enum Storage {
+    Resident {
+        /// One buffer for each photograph.
+        whole: Vec<Buffer>,
+        /// Copy of the band of a step, if steps look at bands.
+        band: Option<Buffer>,
+    },
     Streamed(Stream),
 }
 
-/// Memory that is mapped all the time, and where its content lands. What events in flight look at lies there, and one photograph more: where
-/// an event looks at those of the steps before it too, there is room for these. What steps that have
-/// to be taken again look at still lies there.
+/// Mapped staging buffers, and the device buffers that photographs are copied to. There are staging buffers for all
+/// photographs that events in flight look at, and one more, so the photographs of steps that have to be repeated are
+/// still there.
 struct Stream {
     staging: Vec<Buffer>,
-    places: Mutex<Places>,
+    slots: Mutex<StagingSlots>,
     landings: Vec<Buffer>,
     feed: Feed,
     waits: Mutex<Vec<PhotographWait>>,
-    /// Of feeds that are gone.
+    /// Counts of earlier feeds.
     before: FeedCounts,
 }
 
@@ -65,51 +70,54 @@ struct Stream {
 pub(super) struct Visit {
     pub(super) view: usize,
     pub(super) step: u32,
-    /// The part of the photograph, where that is not all of it.
+    /// The band of the photograph, if not the whole photograph is looked at.
     pub(super) band: Option<Band>,
-    /// Counts recordings, so that none lands where the one before has.
+    /// Number of the recording: consecutive recordings use different landings.
     pub(super) recording: u64,
 }
 
 impl Photographs {
-    /// Buffers for photographs of these cameras; contents undefined. Streamed ones lie in `places` until no event in
-    /// flight looks at them; steps look at `bands` of one in turn.
+    /// Buffers for photographs of these cameras; contents undefined. Streamed photographs have `slots` staging buffers.
+    /// Steps look at the `bands` of a photograph in turn.
     pub(super) fn allocate(
         gpu: &Gpu,
         views: &[(Camera, Depth)],
         residency: Residency,
-        places: usize,
+        slots: usize,
         bands: u32,
     ) -> Result<Self, Error> {
-        let known: Vec<Known> = views
-            .iter()
-            .map(|(c, depth)| Known { name: String::new(), size: (c.width, c.height), depth: *depth, values: 0.0 })
-            .collect();
-        let place = if residency == Residency::Streamed {
-            let largest = known.iter().map(Known::bytes).max().unwrap_or(0);
+        let layout = |(c, depth): &(Camera, Depth)| {
+            let size = (c.width, c.height);
+            PhotographLayout { name: String::new(), size, depth: *depth, values: 0.0 }
+        };
+        let layouts: Vec<PhotographLayout> = views.iter().map(layout).collect();
+        let storage = if residency == Residency::Streamed {
+            let largest = layouts.iter().map(PhotographLayout::bytes).max().unwrap_or(0);
             let buffers = |name: &str, count: usize, memory| {
                 (0..count)
                     .map(|i| gpu.buffer(&format!("{name} {i}"), largest, memory))
                     .collect::<Result<_, vk::Error>>()
             };
-            Place::Streamed(Stream {
-                staging: buffers("photographs on their way", places, Memory::Upload)?,
-                places: Mutex::new(Places::new(places)),
+            Storage::Streamed(Stream {
+                staging: buffers("photographs on their way", slots, Memory::Upload)?,
+                slots: Mutex::new(StagingSlots::new(slots)),
                 landings: buffers("photograph", LANDINGS, Memory::Device)?,
                 feed: Feed::new(Vec::new(), 0, 0),
                 waits: Mutex::default(),
                 before: FeedCounts::default(),
             })
         } else {
-            let buffer = |(i, k): (usize, &Known)| gpu.buffer(&format!("photograph {i}"), k.bytes(), Memory::Device);
-            let band = known.iter().map(|k| k.bytes_of_band(bands)).max().filter(|_| bands > 1);
+            let buffer = |(i, layout): (usize, &PhotographLayout)| {
+                gpu.buffer(&format!("photograph {i}"), layout.bytes(), Memory::Device)
+            };
+            let band = layouts.iter().map(|layout| layout.bytes_of_band(bands)).max().filter(|_| bands > 1);
             let band = band.map(|bytes| gpu.buffer("band", bytes, Memory::Device)).transpose()?;
-            Place::Resident(known.iter().enumerate().map(buffer).collect::<Result<_, vk::Error>>()?, band)
+            Storage::Resident { whole: layouts.iter().enumerate().map(buffer).collect::<Result<_, vk::Error>>()?, band }
         };
-        Ok(Self { views: known, place })
+        Ok(Self { layouts, storage })
     }
 
-    /// What decodes the photographs, which begins with those that are looked at first.
+    /// The feed that decodes the photographs, beginning with the views `first`.
     pub(super) fn feed(views: &[View], pacing: Pacing, first: &[usize]) -> Feed {
         let supplies = views.iter().map(|view| view.photograph.clone()).collect();
         let feed = Feed::new(supplies, pacing.decoded_ahead, pacing.decoders());
@@ -117,21 +125,21 @@ impl Photographs {
         feed
     }
 
-    /// Uploads the photographs, or keeps what decodes them for their steps.
+    /// Uploads the photographs, or keeps `feed` for the steps if photographs are streamed.
     pub(super) fn fill(&mut self, gpu: &Gpu, views: &[View], feed: Feed) -> Result<(), Error> {
-        for (known, view) in self.views.iter_mut().zip(views) {
-            known.name.clone_from(&view.name);
-            known.values = loss::values(view.camera.width, view.camera.height, view.masked());
+        for (layout, view) in self.layouts.iter_mut().zip(views) {
+            layout.name.clone_from(&view.name);
+            layout.values = loss::values(view.camera.width, view.camera.height, view.masked());
         }
-        match &mut self.place {
-            Place::Streamed(stream) => stream.feed = feed,
-            Place::Resident(buffers, _) => {
-                for (i, (known, buffer)) in self.views.iter().zip(buffers).enumerate() {
+        match &mut self.storage {
+            Storage::Streamed(stream) => stream.feed = feed,
+            Storage::Resident { whole, .. } => {
+                for (i, (layout, buffer)) in self.layouts.iter().zip(whole).enumerate() {
                     feed.look_ahead(&(i..views.len().min(i + feed.ahead())).collect::<Vec<_>>());
                     let pixels = feed.get(i)?;
-                    known.check(pixels.bytes().len())?;
+                    layout.check(pixels.bytes().len())?;
                     gpu.write(buffer, pixels.bytes())?;
-                    // So that only one is held twice.
+                    // Wait, so that only one photograph is held twice.
                     gpu.wait(gpu.last_ticket())?;
                 }
             }
@@ -139,32 +147,31 @@ impl Photographs {
         Ok(())
     }
 
-    /// How many views [`Self::look_ahead`] has a use for: those of all steps that may have to be taken again lie there still, and as
-    /// many as fit are decoded beside them.
+    /// How many views [`Self::look_ahead`] can use: as many as are decoded ahead and as many as lie in staging buffers.
     pub(super) fn ahead(&self) -> usize {
-        match &self.place {
-            Place::Streamed(stream) if stream.feed.ahead() > 0 => stream.feed.ahead() + lock(&stream.places).count(),
+        match &self.storage {
+            Storage::Streamed(stream) if stream.feed.ahead() > 0 => stream.feed.ahead() + lock(&stream.slots).count(),
             _ => 0,
         }
     }
 
-    /// The views of the next steps.
+    /// Names the views of the next steps, so that their photographs are decoded ahead.
     pub(super) fn look_ahead(&self, views: &[usize]) {
-        if let Place::Streamed(stream) = &self.place {
-            let missing = lock(&stream.places).missing(views);
+        if let Storage::Streamed(stream) = &self.storage {
+            let missing = lock(&stream.slots).missing(views);
             stream.feed.look_ahead(&missing);
         }
     }
 
-    /// A photograph for a recording, or a band of it: as it lies on the device, or with its upload at this place of the recording. Its mask is
-    /// for the caller to add.
+    /// A photograph or a band of it for a recording. Records the copy of a streamed photograph or of a band. The caller
+    /// adds the mask.
     pub(super) fn record(&self, gpu: &Gpu, recorder: &mut Recorder, visit: &Visit) -> Result<Photograph<'_>, Error> {
         let Visit { view, step, band, recording } = *visit;
-        let known = self.views.get(view).ok_or(Error::NoViews)?;
-        let (first, bytes) = known.part(band);
-        let buffer = match &self.place {
-            Place::Resident(buffers, landing) => {
-                let whole = buffers.get(view).ok_or(Error::NoViews)?;
+        let layout = self.layouts.get(view).ok_or(Error::NoViews)?;
+        let (first, bytes) = layout.part(band);
+        let buffer = match &self.storage {
+            Storage::Resident { whole, band: landing } => {
+                let whole = whole.get(view).ok_or(Error::NoViews)?;
                 match landing.as_ref().filter(|_| band.is_some()) {
                     Some(landing) => {
                         recorder.copy(whole, first, landing, 0, bytes)?;
@@ -173,33 +180,33 @@ impl Photographs {
                     None => whole,
                 }
             }
-            Place::Streamed(stream) => {
-                let staging = stream.staged(gpu, known, view, step)?;
+            Storage::Streamed(stream) => {
+                let staging = stream.staged(gpu, layout, view, step)?;
                 let landing = &stream.landings[(recording % stream.landings.len().max(1) as u64) as usize];
                 recorder.copy(staging, first, landing, 0, bytes)?;
                 landing
             }
         };
-        // The share of masked pixels is taken to be that of the whole photograph.
-        let part_values = (f64::from(known.values) * bytes as f64 / known.bytes().max(1) as f64) as f32;
-        let rows = band.map_or(known.size.1, |band| band.rows(known.size.1).1);
-        let (bits, size) = (known.depth.bits(), (known.size.0, rows));
-        Ok(Photograph { buffer, bits, size, values: known.values, part_values, mask: None })
+        // The share of masked pixels is taken from the whole photograph.
+        let part_values = (f64::from(layout.values) * bytes as f64 / layout.bytes().max(1) as f64) as f32;
+        let rows = band.map_or(layout.size.1, |band| band.rows(layout.size.1).1);
+        let (bits, size) = (layout.depth.bits(), (layout.size.0, rows));
+        Ok(Photograph { buffer, bits, size, values: layout.values, part_values, mask: None })
     }
 
-    /// How the photographs of the steps so far came; `None` when all are on the device.
+    /// Counts of the photographs of the steps so far; `None` when all photographs are on the device.
     pub(super) fn counts(&self) -> Option<FeedCounts> {
-        if let Place::Streamed(stream) = &self.place { Some(stream.before + stream.feed.counts()) } else { None }
+        if let Storage::Streamed(stream) = &self.storage { Some(stream.before + stream.feed.counts()) } else { None }
     }
 
     /// The steps so far that had to wait for their photographs.
     pub(super) fn waits(&self) -> Vec<PhotographWait> {
-        if let Place::Streamed(stream) = &self.place { lock(&stream.waits).clone() } else { Vec::new() }
+        if let Storage::Streamed(stream) = &self.storage { lock(&stream.waits).clone() } else { Vec::new() }
     }
 
-    /// Gives back what the host keeps of photographs: no step is to come.
+    /// Frees the photographs that the host keeps. No step may follow.
     pub(super) fn release(&mut self) {
-        if let Place::Streamed(stream) = &mut self.place {
+        if let Storage::Streamed(stream) = &mut self.storage {
             stream.before = stream.before + stream.feed.counts();
             stream.feed = Feed::new(Vec::new(), 0, 0);
         }
@@ -208,31 +215,31 @@ impl Photographs {
     /// Bytes of the buffers that count as device memory.
     pub(super) fn bytes(&self, gpu: &Gpu) -> u64 {
         let bytes = |buffer: &Buffer| gpu.counted_bytes(buffer);
-        match &self.place {
-            Place::Resident(buffers, band) => buffers.iter().chain(band).map(bytes).sum(),
-            Place::Streamed(stream) => stream.staging.iter().chain(&stream.landings).map(bytes).sum(),
+        match &self.storage {
+            Storage::Resident { whole, band } => whole.iter().chain(band).map(bytes).sum(),
+            Storage::Streamed(stream) => stream.staging.iter().chain(&stream.landings).map(bytes).sum(),
         }
     }
 }
 
 impl Stream {
-    /// The mapped buffer that a photograph lies in from now on.
-    fn staged(&self, gpu: &Gpu, known: &Known, view: usize, step: u32) -> Result<&Buffer, Error> {
-        let mut places = lock(&self.places);
-        if let Some(place) = places.find(view) {
+    /// The staging buffer with the photograph of `view`, filled if necessary.
+    fn staged(&self, gpu: &Gpu, layout: &PhotographLayout, view: usize, step: u32) -> Result<&Buffer, Error> {
+        let mut slots = lock(&self.slots);
+        if let Some(slot) = slots.find(view) {
             self.feed.reused();
-            return self.staging.get(place).ok_or(Error::NoViews);
+            return self.staging.get(slot).ok_or(Error::NoViews);
         }
         let (pixels, waited) = self.feed.get_timed(view)?;
         if let Some(seconds) = waited {
             let device_idle = gpu.is_done(gpu.last_ticket())?;
             lock(&self.waits).push(PhotographWait { step, seconds, device_idle });
         }
-        known.check(pixels.bytes().len())?;
-        let place = places.clear_oldest().ok_or(Error::NoViews)?;
-        let staging = self.staging.get(place).ok_or(Error::NoViews)?;
+        layout.check(pixels.bytes().len())?;
+        let slot = slots.clear_oldest().ok_or(Error::NoViews)?;
+        let staging = self.staging.get(slot).ok_or(Error::NoViews)?;
         gpu.store(staging, pixels.bytes())?;
-        places.fill(place, view);
+        slots.fill(slot, view);
         Ok(staging)
     }
 }
@@ -241,8 +248,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Known {
-    /// Of its pixels.
+impl PhotographLayout {
+    /// Bytes of the pixels.
     fn bytes(&self) -> u64 {
         self.row_bytes() * u64::from(self.size.1)
     }
@@ -251,13 +258,13 @@ impl Known {
         u64::from(self.size.0) * self.depth.bytes_per_pixel()
     }
 
-    /// Of the largest of so many bands.
+    /// Bytes of the largest of `of` bands.
     fn bytes_of_band(&self, of: u32) -> u64 {
         let rows = |index| Band { index, of }.rows(self.size.1).1;
         self.row_bytes() * u64::from((0..of).map(rows).max().unwrap_or(0))
     }
 
-    /// Where a band of it begins, and how many bytes it has; without one, all.
+    /// First byte and number of bytes of a band, or of the whole photograph without a band.
     fn part(&self, band: Option<Band>) -> (u64, u64) {
         let (top, rows) = band.map_or((0, self.size.1), |band| band.rows(self.size.1));
         (self.row_bytes() * u64::from(top), self.row_bytes() * u64::from(rows))

@@ -1,4 +1,4 @@
-//! From a dataset and settings to the input of a training, with what stereo or a cloud says of its views.
+//! Makes the input of a training from a dataset and settings, with depths and normals from stereo or a cloud.
 
 mod colours;
 mod setup;
@@ -7,7 +7,7 @@ mod stereo_cost;
 
 pub use super::input::Coloured;
 pub use colours::Uncoloured;
-pub use setup::{Request, Setup, SetupEvent};
+pub use setup::{Setup, SetupEvent, SetupRequest};
 pub use stereo::{CloudReport, StereoReport, compute_stereo_priors, longer_side, splats_on_surfaces};
 pub use stereo_cost::stereo_settings;
 
@@ -26,8 +26,8 @@ use crate::format::{At, Error as FileError, LeftOut};
 use crate::scene::{Frame, Gaussians, init};
 use crate::stereo::Prior;
 
-/// How a dataset is loaded for these settings. `background` is the colour behind the splats (red, green, blue from 0 to 1), which
-/// transparent pixels show where that is asked for.
+/// How a dataset is loaded for these settings. `background` is the colour behind the splats (red, green, blue from 0 to
+/// 1); transparent pixels show it if the settings say so.
 pub fn load_options(photographs: &settings::Photographs, background: [f32; 3]) -> LoadOptions {
     LoadOptions {
         max_side: Some(photographs.max_side),
@@ -42,15 +42,16 @@ pub fn load_options(photographs: &settings::Photographs, background: [f32; 3]) -
     }
 }
 
-/// The same for all settings of a training, its limit of the host's memory among them.
+/// As [`load_options`] for all settings of a training, with the limit of host memory.
 pub fn load_options_of(settings: &Settings) -> LoadOptions {
     let host_memory = settings.host.host_memory.map(|bytes| bytes.0);
     LoadOptions { host_memory, ..load_options(&settings.photographs, settings.model.background.evaluated()) }
 }
 
-/// The views of a role with their photographs, cameras in scene coordinates. Every photograph is decoded once and kept as `share`
-/// allows, which what is kept is taken off. Pixels less than half opaque are masked; a photograph without any other is left out:
-/// see [`left_out`]. So are a few that cannot be decoded, which [`Dataset::leave_out`] takes out of the dataset too.
+/// The views of a role with photographs, and cameras in scene coordinates. Every photograph is decoded once and kept as
+/// `share` allows; bytes kept are subtracted from `share`. Pixels less than half opaque are masked. A photograph with
+/// no other pixel is left out ([`left_out`]), as are a few that cannot be decoded; [`Dataset::leave_out`] removes the
+/// latter from the dataset too.
 pub fn views(dataset: &Dataset, role: Role, share: &mut HostShare) -> Result<(Vec<View>, Undecoded), Error> {
     let mut decoding = Decoding::of(dataset);
     let photographs = decoding.take_in(dataset, role, share)?;
@@ -65,13 +66,13 @@ fn with_photographs(dataset: &Dataset, role: Role, photographs: Vec<Option<Suppl
     views.filter_map(view).collect()
 }
 
-/// What to tell of the views of a role: those that [`views`] has left out, masks that do nothing or speak by their transparency, views
-/// whose white is cut, and those with transparent pixels.
+/// Warnings about the views of a role: views that [`views`] has left out, masks without effect or given by
+/// transparency, photographs brighter than white, and photographs with transparent pixels.
 pub fn left_out(dataset: &Dataset, role: Role, views: &[View]) -> Vec<Warning> {
     left_out_besides(dataset, role, views, &[])
 }
 
-/// The same but for photographs that were left out for their poses.
+/// As [`left_out`], without the photographs of `told` that were left out because of wrong poses.
 pub fn left_out_besides(dataset: &Dataset, role: Role, views: &[View], told: &[Warning]) -> Vec<Warning> {
     let wrong = |name: &str| {
         told.iter().any(|warning| matches!(warning, Warning::PoseWrong { name: wrong, .. } if wrong == name))
@@ -82,7 +83,7 @@ pub fn left_out_besides(dataset: &Dataset, role: Role, views: &[View], told: &[W
     told_of(&of_role.collect::<Vec<_>>())
 }
 
-/// The same of views by their names, with their photographs, where these have a pixel that is not masked.
+/// As [`left_out`], for names of views with photographs; `None` for a photograph whose pixels are all masked.
 pub fn told_of(views: &[(&str, Option<&Supply>)]) -> Vec<Warning> {
     let named = |wanted: &dyn Fn(Option<&Supply>) -> bool| {
         let mut names = views.iter().filter(|(_, photograph)| wanted(*photograph)).map(|(name, _)| (*name).to_owned());
@@ -107,7 +108,7 @@ pub fn told_of(views: &[(&str, Option<&Supply>)]) -> Vec<Warning> {
     [masked, nothing, by_alpha, clipped, transparent].into_iter().flatten().collect()
 }
 
-/// What the photographs of a role may take of the host's memory where nothing is trained.
+/// What the photographs of a role may take of the host's memory if nothing is trained.
 pub fn host_share(dataset: &Dataset, role: Role, host: &settings::HostChoice) -> HostShare {
     let decoding = dataset.views_of(role).map(|(_, view)| view.decoding_bytes()).max();
     HostMemory::new(host.host_memory.map(|bytes| bytes.0)).share(decoding.unwrap_or(0))
@@ -124,10 +125,10 @@ pub fn outline(dataset: &Dataset) -> Outline {
 
 /// The first model of a training.
 #[derive(Clone, Debug)]
-pub struct First {
-    /// Its splats.
+pub struct FirstModel {
+    /// Splats of the model.
     pub splats: Gaussians,
-    /// The points that it is of, where their colours say nothing: [`Uncoloured::take_colours`] gives them those of photographs.
+    /// The points of the model, if they have no colours: [`Uncoloured::take_colours`] takes colours from photographs.
     pub uncoloured: Option<Uncoloured>,
     /// What was left out of the file that the model was read from.
     pub left_out: Option<LeftOut>,
@@ -138,9 +139,9 @@ pub fn initial(dataset: &Dataset, settings: &Settings) -> Result<Gaussians, Erro
     Ok(first(dataset, settings)?.splats)
 }
 
-/// The first model: from `--init`, a model or a point cloud, or from the reconstructed points, or where there are none of use from random ones.
-/// Of points no more than `--max-splats`; a model stays whole.
-pub fn first(dataset: &Dataset, settings: &Settings) -> Result<First, Error> {
+/// The first model: from the model or point cloud of `init`, else from the reconstructed points, else from random
+/// points. Takes at most `max-splats` points; a model stays whole.
+pub fn first(dataset: &Dataset, settings: &Settings) -> Result<FirstModel, Error> {
     let mut left_out = None;
     let (points, colourless): (Vec<_>, Option<Colourless>) = match settings.run.init.as_deref() {
         Some(file) => {
@@ -150,7 +151,7 @@ pub fn first(dataset: &Dataset, settings: &Settings) -> Result<First, Error> {
                 Content::Model(model) if model.gaussians.is_empty() => return Err(empty(file, "splats")),
                 Content::Cloud(cloud) if cloud.positions.is_empty() => return Err(empty(file, "points")),
                 Content::Model(model) => {
-                    return Ok(First { splats: model.in_scene(&dataset.frame), uncoloured: None, left_out });
+                    return Ok(FirstModel { splats: model.in_scene(&dataset.frame), uncoloured: None, left_out });
                 }
                 Content::Cloud(cloud) => of_cloud(file, cloud),
             }
@@ -169,13 +170,13 @@ pub fn first(dataset: &Dataset, settings: &Settings) -> Result<First, Error> {
     let of_dataset = settings.run.init.is_none();
     let positions = || points.iter().map(|(position, _)| *position).collect();
     let uncoloured = colourless.map(|colourless| Uncoloured::new(colourless, positions(), of_dataset));
-    Ok(First { splats, uncoloured, left_out })
+    Ok(FirstModel { splats, uncoloured, left_out })
 }
 
 /// A position in dataset coordinates and an 8-bit colour.
 type ColouredPoint = ([f64; 3], [u8; 3]);
 
-/// The points of a cloud with their colours, grey where there are none, and what is to be said of these.
+/// The points of a cloud with their colours, grey if the cloud has none, and the reason why it has none.
 fn of_cloud(file: &Path, cloud: Cloud) -> (Vec<ColouredPoint>, Option<Colourless>) {
     let why = match cloud.colours.is_empty() {
         true => Some(NoColours::with_properties(&cloud.unknown)),
@@ -186,7 +187,7 @@ fn of_cloud(file: &Path, cloud: Cloud) -> (Vec<ColouredPoint>, Option<Colourless
     (points, why.map(|why| Colourless { file: file.to_owned(), why }))
 }
 
-/// So many of them, or all where they are fewer, evenly from first to last.
+/// `count` elements evenly spread from first to last, or all if there are fewer.
 fn spread<T>(of: &[T], count: usize) -> Vec<&T> {
     let count = count.min(of.len());
     (0..count).map(|i| &of[(i as u128 * of.len() as u128 / count as u128) as usize]).collect()
@@ -197,10 +198,10 @@ fn empty(file: &Path, what: &str) -> Error {
     FileError::malformed(file, "element vertex", At::Byte(0), problem).into()
 }
 
-/// Decodes the photographs and makes the first model, all of it in memory. Held-out photographs are decoded too, for evaluation
+/// Decodes all photographs into memory and makes the first model. Held-out photographs are decoded too, for evaluation
 /// only.
 pub fn input(dataset: &Dataset, settings: &Settings) -> Result<Input, Error> {
-    let First { splats, uncoloured, .. } = first(dataset, settings)?;
+    let FirstModel { splats, uncoloured, .. } = first(dataset, settings)?;
     let mut input = input_within(dataset, splats, HostShare::unlimited())?;
     if let Some(points) = uncoloured {
         points.take_colours(dataset, &mut input)?;
@@ -208,9 +209,10 @@ pub fn input(dataset: &Dataset, settings: &Settings) -> Result<Input, Error> {
     Ok(input)
 }
 
-/// The same for a model to begin with, photographs being kept as `share` allows: those to train on first.
+/// The input with the first model `initial`. Photographs are kept as `share` allows, training photographs first.
 pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare) -> Result<Input, Error> {
-    // Counted together: of few that are held out a single one is soon a tenth.
+    // Training and held-out photographs are counted together, because one photograph may be a tenth of the held-out
+    // ones.
     let mut decoding = Decoding::of(dataset);
     let mut photographs = decoding.take_in(dataset, Role::Train, &mut share)?;
     let mut left_out = Vec::new();
@@ -232,8 +234,8 @@ pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare)
     })
 }
 
-/// Where `--grow-on` asks for it: lets growth go on for longer and from lower gradients where depths of few pixels are known, and gives
-/// their share. From then on the settings have the numbers, and a resumed run the same.
+/// Lets growth go on for longer and from lower gradients if the share of pixels with a depth is below `grow-on`, and
+/// returns that share. The new numbers are written into the settings, so a resumed run has them too.
 pub fn grow_on(input: &Input, settings: &mut Settings) -> Option<f64> {
     let density = &mut settings.density;
     let known: f64 = input.optional.priors.iter().flatten().map(Prior::share).sum();

@@ -106,8 +106,8 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// The stage that is over after `done` steps of a run of `former` steps and would begin again in a run with the steps of
-    /// `settings`, because stages are shares of all steps.
+    /// The stage that is over after `done` steps of a run of `former` steps and would begin again in a run with the
+    /// steps of `settings`, because stages are shares of all steps.
     pub fn begins_again(settings: &Settings, former: u32, done: u32) -> Option<&'static str> {
         let ends = |iterations| {
             let mut settings = settings.clone();
@@ -199,8 +199,8 @@ impl Schedule {
         self.propagations.at(t)
     }
 
-    /// The splats of little weight that are dropped before step `t`: when growth ends, once more when the remaining splats
-    /// have settled, and during growth to make room for it.
+    /// The splats of little weight that are dropped before step `t`: when growth ends, once more when the remaining
+    /// splats have settled, and during growth to make room for it.
     pub fn drops(&self, t: u32) -> Option<DroppedSplats> {
         let due = self.densify && t >= self.prune_from && t <= self.iterations;
         // If both times fall on one step, the second weight counts.
@@ -209,8 +209,8 @@ impl Schedule {
         below.or(self.recycles(t).then_some(DroppedSplats::Lightest(self.recycle_share)))
     }
 
-    /// Whether splats where no photograph looks are added before step `t`. No later step drops splats that no photograph
-    /// shows.
+    /// Whether splats where no photograph looks are added before step `t`. No later step drops splats that no
+    /// photograph shows.
     pub fn skirts(&self, t: u32) -> bool {
         self.skirt_before > 0 && t == self.skirt_before
     }
@@ -220,8 +220,8 @@ impl Schedule {
         self.settle_sh > 0 && t == self.settle_sh && self.sh_degree > 1
     }
 
-    /// Degrees are added one after the other. If only some splats have more than degree 1, no degree above 1 is used before
-    /// those splats are chosen.
+    /// Degrees are added one after the other. If only some splats have more than degree 1, no degree above 1 is used
+    /// before those splats are chosen.
     fn sh_degree_at(&self, t: u32) -> u32 {
         let degree = (t / self.sh_interval).min(self.sh_degree);
         if t < self.settle_sh { degree.min(1) } else { degree }
@@ -274,8 +274,8 @@ impl Schedule {
         }
     }
 
-    /// The weight falls log-linearly to `geometry_left` at the last step with the loss. Every `geometry_every`-th step has the
-    /// loss, and carries the weight of all the steps between.
+    /// The weight falls log-linearly to `geometry_left` at the last step with the loss. Every `geometry_every`-th step
+    /// has the loss, and carries the weight of all the steps between.
     fn geometry_at(&self, t: u32) -> Option<f64> {
         let due = t <= self.geometry_until && t.is_multiple_of(self.geometry_every);
         due.then(|| {
@@ -339,8 +339,8 @@ impl Schedule {
         (self.views as u32).max(1).saturating_mul(self.bands)
     }
 
-    /// Index of the training view of step `t`; 0 when there are no views. Every pass looks at each view once in a shuffled
-    /// order, and at all bands of a view in consecutive steps.
+    /// Index of the training view of step `t`; 0 when there are no views. Every pass looks at each view once in a
+    /// shuffled order, and at all bands of a view in consecutive steps.
     pub fn view_at(&self, t: u32) -> usize {
         let Some(last) = self.views.checked_sub(1) else { return 0 };
         let before = (t.saturating_sub(1) / self.bands) as usize;
@@ -362,8 +362,8 @@ impl Schedule {
         (last / self.densify_interval).saturating_sub(self.densify_from / self.densify_interval)
     }
 
-    /// Neither a density change nor a reset follows the last step, because no training would follow. The reference also saves
-    /// its model before both.
+    /// Neither a density change nor a reset follows the last step, because no training would follow. The reference also
+    /// saves its model before both.
     fn densifies_at(&self, t: u32) -> bool {
         let grows = self.densify && t > self.densify_from && t < self.densify_until.min(self.iterations);
         grows && t.is_multiple_of(self.densify_interval)
@@ -385,14 +385,14 @@ impl Schedule {
         regular || white
     }
 
-    /// Splats make up for missed optimiser steps before a density change or reset and at the end of the run. Host actions
-    /// ask for it themselves.
+    /// Splats make up for missed optimiser steps before a density change or reset and at the end of the run. Host
+    /// actions ask for it themselves.
     fn catches_up_at(&self, t: u32) -> bool {
         self.densifies_at(t) || self.resets_at(t) || t >= self.iterations || t.is_multiple_of(LONGEST_REST)
     }
 
-    /// Optimiser steps up to and including step `t`. A step with a density change has none, nor has the last; a step with a
-    /// reset alone has none of the opacities.
+    /// Optimiser steps up to and including step `t`. A step with a density change has none, nor has the last; a step
+    /// with a reset alone has none of the opacities.
     fn adam_steps(&self, t: u32, opacities: bool) -> u32 {
         let t = t.min(self.iterations);
         let last = u32::from(t == self.iterations);
@@ -445,8 +445,8 @@ impl Growth {
         let mut reset_interval = density.opacity_reset_interval;
         let mut reset_until = until.saturating_sub(1);
         if run.scale_schedule {
-            // Statistics need every training view once, else the views looked at decide which splats grow. Beyond that, few
-            // changes with many steps between are better, because new splats are judged when they have settled.
+            // Statistics need every training view once, else the views looked at decide which splats grow. Beyond that,
+            // few changes with many steps between are better, because new splats are judged when they have settled.
             let pass = pass_of(views, run.bands);
             let longest = interval.max(pass.min(LONGEST_PASS.saturating_mul(run.bands.max(1))));
             interval = scaled(interval).max(pass).max(run.iterations / MOST_INTERVALS).min(longest);
@@ -459,8 +459,8 @@ impl Growth {
     }
 }
 
-/// The alpha below which splats are skipped in early steps. In a run that is made longer, early steps may come again; only
-/// the time of those steps changes.
+/// The alpha below which splats are skipped in early steps. In a run that is made longer, early steps may come again;
+/// only the time of those steps changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct EarlyCutoff {
     /// Last step with this cutoff.

@@ -45,26 +45,28 @@ group! {
         /// Seed every random choice with S; another seed gives another model of the same quality
         #[arg(value_name = "S", help_heading = MOST_USED, display_order = 7)]
         pub seed: u64 = 0,
-        /// Save a checkpoint every N steps; more often loses less when the run is interrupted (0: only then and at the end)
+        /// Save a checkpoint every N steps; more often loses less when the run is interrupted (0: only then and at the
+        /// end)
         #[arg(value_name = "N")]
         pub checkpoint_every: u32 = 1000,
         /// Score the held-out photographs every N steps, which takes time (0: only at the end)
         #[arg(value_name = "N")]
         pub eval_every: u32 = 500,
-        /// Time variants of the GPU passes at the start and take the fastest: auto (from 1000 steps on; kept between runs), off or again
+        /// Time variants of the GPU passes at the start and take the fastest: auto (from 1000 steps on; kept between
+        /// runs), off or again
         #[arg(value_name = "WHEN")]
         pub tune: Tune = Tune::Auto,
     }
     flags {
-        /// Shorten the schedule of 30,000 steps to --iterations. On with --preset quick, and with fewer steps of lean, psrgs and
-        /// psrgs-paper where no step of the schedule is named; `=false` turns it off
+        /// Shorten the schedule of 30,000 steps to --iterations. On with --preset quick, and with fewer steps of lean,
+        /// psrgs and psrgs-paper where no step of the schedule is named; `=false` turns it off
         pub scale_schedule,
         /// Give the same bits on the same device, driver and program each time; a little slower on GPUs
         pub deterministic,
     }
     optional {
-        /// Set resolution, steps and schedule: quick (640 pixels, 2000 steps), standard (1600 pixels, 30000 steps) or full (the
-        /// photographs' size, 30000 steps) [default: quick on a CPU, else standard]
+        /// Set resolution, steps and schedule: quick (640 pixels, 2000 steps), standard (1600 pixels, 30000 steps) or
+        /// full (the photographs' size, 30000 steps) [default: quick on a CPU, else standard]
         #[arg(value_name = "NAME", help_heading = MOST_USED, display_order = 4)]
         pub preset: Preset,
         /// Begin with the splats of this PLY file in place of the dataset's points
@@ -72,7 +74,8 @@ group! {
         pub init: PathBuf,
     }
     constants {
-        /// Bands of rows of a photograph; a step looks at one band, and takes about one share of the time of a whole photograph
+        /// Bands of rows of a photograph; a step looks at one band, and takes about one share of the time of a whole
+        /// photograph
         pub bands: u32 = 1; Range::new("a number from 1 to 64", |v| (1.0..=64.0).contains(&v)),
     }
     unset {}
@@ -82,38 +85,41 @@ group! {
     /// The photographs and their size.
     pub struct Photographs("Photographs")
     options {
-        /// Reduce photographs until their longer side has at most this many pixels; more show finer texture and need more memory and time
+        /// Reduce photographs until their longer side has at most this many pixels; more show finer texture and need
+        /// more memory and time
         #[arg(value_name = "PX", help_heading = MOST_USED, display_order = 6)]
         pub max_side: u32 = 1600; Range::new("at least 16 pixels", |v| v >= 16.0),
-        /// Hold photographs out of training and score them, by position in the sorted names: test (0, 8, 16 ...), val (4, 12, 20 ...;
-        /// those of test stay out too), none, every:N or every:N:FIRST
+        /// Hold photographs out of training and score them, by position in the sorted names: test (0, 8, 16 ...), val
+        /// (4, 12, 20 ...; those of test stay out too), none, every:N or every:N:FIRST
         #[arg(value_name = "SPLIT")]
         pub split: Split = Split::Test,
         /// Leave out pixels where the mask in DATA/masks has this colour: black or white
         #[arg(value_name = "COLOUR")]
         pub mask_ignores: MaskIgnores = MaskIgnores::Black,
-        /// Treat transparent pixels as unknown (left-out), or lay photographs over the colour of --background (background)
+        /// Treat transparent pixels as unknown (left-out), or lay photographs over the colour of --background
+        /// (background)
         #[arg(value_name = "WHAT")]
         pub transparent: Transparent = Transparent::LeftOut,
-        /// Take the values of photographs with more than 8 bits per channel as encoded (srgb) or linear; auto takes whole numbers as
-        /// encoded and floating-point numbers as linear
+        /// Take the values of photographs with more than 8 bits per channel as encoded (srgb) or linear; auto takes
+        /// whole numbers as encoded and floating-point numbers as linear
         #[arg(value_name = "CURVE")]
         pub transfer: Transfer = Transfer::Auto,
     }
     flags {
-        /// Refuse a dataset with an unusable pose, point, camera, photograph or splat; otherwise up to a tenth of each are left out, with
-        /// a warning
+        /// Refuse a dataset with an unusable pose, point, camera, photograph or splat; otherwise up to a tenth of each
+        /// are left out, with a warning
         pub strict,
     }
     optional {
-        /// Read the dataset as: colmap, nerfstudio or opensfm (OpenDroneMap too) [default: the format whose files are there]
+        /// Read the dataset as: colmap, nerfstudio or opensfm (OpenDroneMap too) [default: the format whose files are
+        /// there]
         #[arg(value_name = "FORMAT")]
         pub format: Format,
         /// Take photographs from this folder inside DATA [default: images, or the images_N that fits --max-side]
         #[arg(value_name = "FOLDER")]
         pub images: String,
-        /// Show this value of photographs with more than 8 bits per channel as white [default: 65535 of whole numbers, 1 of
-        /// floating-point numbers]
+        /// Show this value of photographs with more than 8 bits per channel as white [default: 65535 of whole numbers,
+        /// 1 of floating-point numbers]
         #[arg(value_name = "V")]
         pub white_level: f64; Range::POSITIVE,
     }
@@ -133,16 +139,16 @@ group! {
         pub background: Background = Background::Black,
     }
     flags {
-        /// Lower the opacity of splats smaller than a pixel by what the screen-space dilation adds; pictures keep their sharpness when
-        /// zoomed
+        /// Lower the opacity of splats smaller than a pixel by what the screen-space dilation adds; pictures keep their
+        /// sharpness when zoomed
         pub antialias,
     }
     optional {}
     constants {
         /// Steps between raising the degree by one
         pub sh_interval: u32 = 1000; Range::COUNT,
-        /// Share of the splats that have spherical harmonics above degree 1 once growth has ended: those whose colour changes most with
-        /// the direction (1: all splats, from the beginning)
+        /// Share of the splats that have spherical harmonics above degree 1 once growth has ended: those whose colour
+        /// changes most with the direction (1: all splats, from the beginning)
         pub sh_share: f64 = 1.0; Range::SHARE,
     }
     unset {}
@@ -173,26 +179,28 @@ group! {
         /// Change rotations at this rate
         #[arg(value_name = "RATE")]
         pub lr_rotations: f64 = 1e-3; Range::WEIGHT,
-        /// Learn a colour map of each photograph (affine), or none (off); affine pays where exposures differ. Other viewers show the
-        /// model without it
+        /// Learn a colour map of each photograph (affine), or none (off); affine pays where exposures differ. Other
+        /// viewers show the model without it
         #[arg(value_name = "KIND", help_heading = "Photographs")]
         pub exposure: Exposure = Exposure::Off,
     }
     flags {}
     optional {}
     constants {
-        /// Weight of half the squares of the view-dependent coefficients of every splat on the image, over the pixels of a photograph
+        /// Weight of half the squares of the view-dependent coefficients of every splat on the image, over the pixels
+        /// of a photograph
         pub lambda_sh: f64 = 0.0; Range::WEIGHT,
         /// Learning rate of the means when its decay ends
         pub lr_means_final: f64 = 1.6e-6; Range::POSITIVE,
         /// Steps over which the learning rate of the means decays, log-linearly
         pub lr_means_steps: u32 = 30_000; Range::COUNT,
-        /// Exponent E of scaled schedules: learning rates begin at (30000 / iterations)^E times their values (0: at their values)
+        /// Exponent E of scaled schedules: learning rates begin at (30000 / iterations)^E times their values (0: at
+        /// their values)
         pub lr_scaling: f64 = 0.5; Range::SHARE,
         /// The same exponent for lr-sh-rest
         pub lr_scaling_sh: f64 = 0.6; Range::SHARE,
-        /// Exponent E of scaled schedules: learning rates but that of the means fall to (iterations / 30000)^E of their first values at
-        /// the last step (0: they stay)
+        /// Exponent E of scaled schedules: learning rates but that of the means fall to (iterations / 30000)^E of their
+        /// first values at the last step (0: they stay)
         pub lr_decay: f64 = 0.6; Range::SHARE,
         /// Learning rate of the exposures at step 0
         pub lr_exposure: f64 = 0.01; Range::POSITIVE,
@@ -213,12 +221,13 @@ group! {
     flags {}
     optional {}
     constants {
-        /// Share of the steps, the first ones, that skip splats at a pixel below an alpha of 1/early-cutoff; all others skip below 1/255
+        /// Share of the steps, the first ones, that skip splats at a pixel below an alpha of 1/early-cutoff; all others
+        /// skip below 1/255
         pub early_steps: f64 = 0.0; Range::SHARE,
         /// N of 1/N, the alpha below which a splat is skipped at a pixel in early steps
         pub early_cutoff: u32 = 64; CUTOFF,
-        /// Whether only the splats on the image are stepped: they make up for missed steps, and a step takes time by what a photograph
-        /// shows
+        /// Whether only the splats on the image are stepped: they make up for missed steps, and a step takes time by
+        /// what a photograph shows
         pub visible_adam: bool = false,
     }
     unset {}
@@ -233,8 +242,9 @@ group! {
     options {}
     flags {}
     optional {
-        /// Measure LPIPS with these weights: a folder with SqueezeNet 1.1 and the linear layers of LPIPS, or a file of both
-        /// (`psrgs-vk weights` fetches them) [default: the user's weights folder; without weights LPIPS is not measured]
+        /// Measure LPIPS with these weights: a folder with SqueezeNet 1.1 and the linear layers of LPIPS, or a file of
+        /// both (`psrgs-vk weights` fetches them) [default: the user's weights folder; without weights LPIPS is not
+        /// measured]
         #[arg(value_name = "PATH", env = "PSRGS_WEIGHTS", hide_env_values = true)]
         pub perceptual_weights: PathBuf,
     }
@@ -248,11 +258,12 @@ group! {
     options {}
     flags {}
     optional {
-        /// Run on this Vulkan device: its index in `psrgs-vk info`, or a part of its name [default: discrete, integrated, then CPU]
+        /// Run on this Vulkan device: its index in `psrgs-vk info`, or a part of its name [default: discrete,
+        /// integrated, then CPU]
         #[arg(value_name = "DEVICE", env = "PSRGS_DEVICE", hide_env_values = true)]
         pub device: String,
-        /// Use at most this much device memory, such as 6GiB or 800M; growth stops at the limit [default: what the device reports, or
-        /// PSRGS_MAX_DEVICE_MEMORY]
+        /// Use at most this much device memory, such as 6GiB or 800M; growth stops at the limit [default: what the
+        /// device reports, or PSRGS_MAX_DEVICE_MEMORY]
         #[arg(value_name = "BYTES")]
         pub max_device_memory: ByteSize,
     }
@@ -266,8 +277,8 @@ group! {
     options {}
     flags {}
     optional {
-        /// Use at most this much memory of the machine, such as 2GiB; photographs beyond it are kept compressed or read again [default:
-        /// half of what is free]
+        /// Use at most this much memory of the machine, such as 2GiB; photographs beyond it are kept compressed or read
+        /// again [default: half of what is free]
         #[arg(value_name = "BYTES")]
         pub host_memory: ByteSize,
     }
@@ -295,7 +306,8 @@ group! {
     options {}
     flags {}
     optional {
-        /// Sum the gradients of the blend backward in this way [default: what suits the device]; slots give equal bits each time
+        /// Sum the gradients of the blend backward in this way [default: what suits the device]; slots give equal bits
+        /// each time
         #[arg(value_name = "SUM", value_enum)]
         pub gradient_sum: crate::raster::GradientSum,
     }

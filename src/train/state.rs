@@ -7,7 +7,8 @@ pub struct State {
     pub params: [Vec<f32>; 8],
     /// Identities of the splats.
     pub ids: Vec<u32>,
-    /// Moments of Adam: the first and the second, or words that hold both ([`crate::pass::project_backward_adam_packed`]).
+    /// Moments of Adam: the first and the second, or words that hold both
+    /// ([`crate::pass::project_backward_adam_packed`]).
     pub moments: Vec<[Vec<f32>; 8]>,
     /// Densification statistics, 4 floats per splat.
     pub stats: Vec<f32>,

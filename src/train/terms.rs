@@ -1,4 +1,5 @@
-//! The terms of the loss. A term has a file of its own, implements [`LossTerm`], and stands in [`Terms`]; the step knows none by name.
+//! The terms of the loss. Each term has a file of its own, implements [`LossTerm`], and is a field of [`Terms`]; the
+//! step knows no term by name.
 
 mod constrained;
 mod context;
@@ -31,51 +32,52 @@ use geometry::Geometry;
 use gradient_maps::GradientMaps;
 use photometric::Photometric;
 
-/// Where in a step a term has a part, in the order of the step.
+/// When in a step a term records, in the order of the step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Phase {
-    /// Before the render of the step: its target and the gradient of its image are free for other renders.
+    /// Before the render of the step: target and image gradient are free for other renders.
     BeforeRender,
-    /// The render is there as the photograph would show it. The photometric term writes the gradient of that image; the terms behind it add
-    /// to that gradient.
+    /// After the render, with the photograph's exposure applied. The photometric term writes the gradient of the
+    /// exposed render; later terms add to that gradient.
     AfterExposure,
-    /// The gradient has become that of the render itself. Terms that exposures have no part in add to it.
+    /// After the gradient was turned into that of the render. Terms that do not depend on the exposure add to it.
     AfterExposureBackward,
-    /// The gradients of the projected splats are there, and the statistics of growth have been taken from them. Terms add to them.
+    /// After the gradients of the projected splats were computed and the statistics of growth taken from them. Terms
+    /// add to the gradients of the projected splats.
     AfterBlendBackward,
 }
 
-/// A term of the loss, or what learns from the images that a step makes.
+/// A term of the loss, or something that learns from the images of a step.
 pub(super) trait LossTerm {
-    /// The phases in which it records.
+    /// The phases in which the term records.
     fn phases(&self) -> &'static [Phase];
 
-    /// Whether it has a part in a step.
+    /// Whether the step has the term.
     fn due(&self, step: &StepContext<'_>) -> bool;
 
-    /// Whether it reads depth and normals of the render.
+    /// Whether the term reads depth and normals of the render.
     fn reads_aux(&self) -> bool {
         false
     }
 
-    /// Records its part in one of its phases.
+    /// Records the term in one of its phases.
     fn record<'a>(&'a self, phase: Phase, recorder: &mut Recorder, step: &mut StepContext<'a>) -> Result<(), Error>;
 
-    /// Bytes of its buffers.
+    /// Bytes of the term's buffers.
     fn footprint(&self) -> MemoryFootprint;
 
-    /// Reads back what a restart needs of it. Waits.
+    /// Reads the term's part of the state back. Waits.
     fn save(&self, _: &Gpu, _: &mut State) -> Result<(), Error> {
         Ok(())
     }
 
-    /// Takes back what [`Self::save`] has read.
+    /// Restores a state of [`Self::save`].
     fn restore(&mut self, _: &Gpu, _: &State) -> Result<(), Error> {
         Ok(())
     }
 }
 
-/// The terms of a training. Those that their settings leave out are not there.
+/// The terms of a training; `None` for terms that the settings leave out.
 pub(super) struct Terms {
     /// Learns the width of the saliency filter.
     pub(super) sigma: Option<SigmaTraining>,
@@ -106,8 +108,8 @@ macro_rules! in_order {
 }
 
 impl Terms {
-    /// For views of these cameras and room for `splats` splats, `deep` if some photographs have 16 bits per channel. What depends on the
-    /// content of photographs comes later.
+    /// For views of these cameras and room for `splats` splats; `deep` if some photographs have 16 bits per channel.
+    /// [`Self::fill`] adds what depends on the photographs' contents.
     pub(super) fn allocate(
         gpu: &Gpu,
         cameras: &[Camera],
@@ -144,7 +146,7 @@ impl Terms {
         in_order!(self, as_mut, &mut)
     }
 
-    /// Makes what depends on the content of photographs, and on what is known besides; `masks` are those of the photographs, where there are
+    /// Makes what depends on the photographs' contents and on the optional inputs; `masks` are the saliency masks, if
     /// any.
     pub(super) fn fill(
         &mut self,
@@ -169,12 +171,12 @@ impl Terms {
         Ok(())
     }
 
-    /// Reads back what a restart needs of the terms. Waits.
+    /// Reads the terms' part of the state back. Waits.
     pub(super) fn save(&self, gpu: &Gpu, state: &mut State) -> Result<(), Error> {
         self.all().try_for_each(|term| term.save(gpu, state))
     }
 
-    /// Takes back what [`Self::save`] has read.
+    /// Restores a state of [`Self::save`].
     pub(super) fn restore(&mut self, gpu: &Gpu, state: &State) -> Result<(), Error> {
         self.all_mut().try_for_each(|term| term.restore(gpu, state))
     }
@@ -189,12 +191,12 @@ impl Terms {
         self.photometric.weights_of(plan).is_some()
     }
 
-    /// Gives the terms room for as many splats. What they hold of splats outlives no step, and is lost.
+    /// Makes room for `splats` splats. Contents of buffers are lost; none outlives a step.
     pub(super) fn resize(&mut self, gpu: &Gpu, splats: u32) -> Result<(), vk::Error> {
         self.constrained.as_mut().map_or(Ok(()), |constrained| constrained.resize(gpu, splats))
     }
 
-    /// Bytes of their buffers.
+    /// Bytes of the terms' buffers.
     pub(super) fn footprint(&self) -> MemoryFootprint {
         self.all().map(LossTerm::footprint).fold(MemoryFootprint::default(), |sum, held| sum + held)
     }
@@ -204,7 +206,7 @@ impl Terms {
 pub(super) struct DueTerms<'a>(Vec<&'a dyn LossTerm>);
 
 impl<'a> DueTerms<'a> {
-    /// Records what the terms do in a phase.
+    /// Records the terms of a phase.
     pub(super) fn record(
         &self,
         phase: Phase,
@@ -217,7 +219,7 @@ impl<'a> DueTerms<'a> {
             .try_for_each(|term| term.record(phase, recorder, step))
     }
 
-    /// Whether some read depth and normals of the render.
+    /// Whether some term reads depth and normals of the render.
     pub(super) fn read_aux(&self) -> bool {
         self.0.iter().any(|term| term.reads_aux())
     }

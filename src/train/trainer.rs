@@ -1,5 +1,6 @@
-//! Training as a stream of messages. Events are recorded ahead of the device, their outcomes are read some events later, and
-//! events are replayed when a buffer turned out too small. Messages, curves, scores and checkpoints are here too.
+//! Training as a stream of messages. Events are recorded ahead of the device, their outcomes are read some events
+//! later, and events are replayed when a buffer turned out too small. Messages, curves, scores and checkpoints are here
+//! too.
 
 mod checkpoint;
 mod embedded;
@@ -21,7 +22,7 @@ use std::time::Instant;
 
 use super::Error;
 use super::actions::Actions;
-use super::engine::{Engine, MemoryCost, Start};
+use super::engine::{Engine, EngineStart, MemoryCost};
 use super::input::{Input, PerceptualBy, TrainedOn, View};
 use super::message::Message;
 use super::pacing::Pacing;
@@ -78,7 +79,8 @@ struct Stop {
 }
 
 impl Trainer {
-    /// Uploads photographs and the initial model. `restart` continues an earlier training with the same input and settings.
+    /// Uploads photographs and the initial model. `restart` continues an earlier training with the same input and
+    /// settings.
     pub fn new(
         gpu: &Gpu,
         input: Input,
@@ -113,7 +115,7 @@ impl Trainer {
             // No density change or reset has followed the step.
             && Event::of_step(step).next(&schedule).kind == Kind::Step;
         let first = streaming::first_views(&schedule, step, pacing);
-        let begun = Start { variants, state, first_views: &first };
+        let begun = EngineStart { variants, state, first_views: &first };
         let engine = Engine::new_prefetching(gpu, &input, settings, pacing, begun)?;
         let actions = Actions::new(gpu, &input, settings, step)?;
         let last_splats = engine.initial_splats();
@@ -157,7 +159,8 @@ impl Trainer {
         }
     }
 
-    /// One turn: submits what fits, then handles the outcome of the oldest event, or finishes a stop if none is in flight.
+    /// One turn: submits what fits, then handles the outcome of the oldest event, or finishes a stop if none is in
+    /// flight.
     fn advance(&mut self) -> Result<(), Error> {
         let stop = self.due();
         while self.has_room() && self.next <= stop.last {
@@ -194,8 +197,8 @@ impl Trainer {
     /// The next stop.
     fn due(&self) -> Stop {
         let step = self.next_stop();
-        // A step is scored before its density change and opacity reset, as in the reference: scores of a model whose opacities
-        // have just been lowered mean nothing.
+        // A step is scored before its density change and opacity reset, as in the reference: scores of a model whose
+        // opacities have just been lowered mean nothing.
         let scored = self.evaluates_at(step) && self.evaluated < step;
         Stop { step, scored, last: Event { step, kind: if scored { Kind::Step } else { Kind::Reset } } }
     }
@@ -226,8 +229,8 @@ impl Trainer {
         self.checkpoints = Some(folder.to_owned());
     }
 
-    /// Scoring of held-out photographs is given up as soon as `asked` returns true; it is called before each photograph.
-    /// Training goes on without the score.
+    /// Scoring of held-out photographs is given up as soon as `asked` returns true; it is called before each
+    /// photograph. Training goes on without the score.
     pub fn give_up_scoring_when(&mut self, asked: impl Fn() -> bool + Send + Sync + 'static) {
         self.give_up_scoring = Box::new(asked);
     }
@@ -277,8 +280,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// Finishes what was submitted and writes a checkpoint to the folder of [`Self::keep_checkpoints`] (the current folder
-    /// without one). Gives the step after which a resumed training goes on, and the file.
+    /// Finishes what was submitted and writes a checkpoint to the folder of [`Self::keep_checkpoints`] (the current
+    /// folder without one). Gives the step after which a resumed training goes on, and the file.
     pub fn save_checkpoint(&mut self) -> Result<(u32, PathBuf), Error> {
         let restart = self.snapshot()?;
         let step = restart.step;
@@ -349,15 +352,15 @@ impl Trainer {
         self.engine.model()
     }
 
-    /// Splats with an identity below this were there at the end of the low-frequency stage; `None` without that stage or
-    /// before its end.
+    /// Splats with an identity below this were there at the end of the low-frequency stage; `None` without that stage
+    /// or before its end.
     pub fn constrained_below(&mut self) -> Result<Option<u32>, Error> {
         self.drain_to_step()?;
         self.engine.constrained_below()
     }
 
-    /// Names and losses of about `most` training photographs over the width of the saliency filter, measured by where the
-    /// current model fails. Empty if the width is not learned.
+    /// Names and losses of about `most` training photographs over the width of the saliency filter, measured by where
+    /// the current model fails. Empty if the width is not learned.
     pub fn sigma_curves(&mut self, most: usize) -> Result<Vec<(String, saliency::Curve)>, Error> {
         let step = self.drain_to_step()?;
         let plan = self.schedule.step(step.max(1));
@@ -388,7 +391,8 @@ impl Trainer {
         Ok(self.engine.exposures()?.map(|all| self.trained_on.names.iter().cloned().zip(all).collect()))
     }
 
-    /// The exposures from which those of held-out photographs are expected when scoring; `None` where exposures are off.
+    /// The exposures from which those of held-out photographs are expected when scoring; `None` where exposures are
+    /// off.
     pub fn expected_exposures(&mut self) -> Result<Option<Exposures>, Error> {
         self.drain_to_step()?;
         self.learned()

@@ -1,8 +1,8 @@
-//! Which variant of the passes a training runs with: of those that settings and device allow the one that is the fastest for this scene,
-//! by timing at the start; and how long the training will take.
+//! Chooses the variants of the passes for a training by timing at the start: the fastest for the scene of those that
+//! settings and device allow. Also estimates the time of a training.
 //!
-//! The steps that are timed are those of an engine of their own, which is dropped before the training's is made: they leave
-//! nothing behind but the choice. A choice by timing is not reproducible; deterministic training never makes one.
+//! A separate engine takes the timed steps, and is dropped before the engine of the training is made. A choice by
+//! timing is not reproducible, so deterministic training makes none.
 
 mod cache;
 mod choice;
@@ -29,43 +29,44 @@ use crate::vk::Gpu;
 const VIEWS: usize = 2;
 /// Timed steps of each view, after one that is not counted.
 const ROUNDS: usize = 3;
-/// Another form than the capability's choice has to take at most this share of its time.
+/// Variants other than the default are chosen if they take at most this share of the default's time.
 const WORTH_IT: f64 = 0.9;
-/// A variant whose first step takes so many times the best median so far is not timed further.
+/// A variant whose first step takes this many times the best median so far is not timed further.
 const HOPELESS: f64 = 1.5;
-/// Tiles whose first form takes so many times the best median so far are not tried in other forms: those differ by less.
+/// A tile shape whose first variant takes this many times the best median so far is not timed with other variants,
+/// which differ less.
 const HOPELESS_TILES: f64 = 3.0;
-/// Shorter trainings would not win back the time of timing.
+/// Fewest steps of a training that is worth timing for.
 const FEWEST_STEPS: u32 = 1000;
 
-/// How the forms came to be chosen.
+/// How the variants were chosen.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Why {
-    /// By the device's capabilities, for the reason given.
+pub enum ChoiceReason {
+    /// By the device's capabilities; timing was not possible or not wanted for the reason given.
     Capability(&'static str),
     /// By an earlier timing, kept on disk.
     Kept,
-    /// By timing; each variant with the seconds of its forward and backward steps.
+    /// By timing: seconds of a forward and backward of each variant.
     Timed(Vec<(Variants, f64)>),
 }
 
-/// The variants of the passes, and why these.
+/// The variants of the passes, and how they were chosen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuned {
-    /// The forms.
+    /// The variants.
     pub variants: Variants,
-    /// Why.
-    pub why: Why,
-    /// What the user should know of the file of earlier timings.
+    /// How the variants were chosen.
+    pub why: ChoiceReason,
+    /// A problem with the file of earlier timings.
     pub warning: Option<String>,
 }
 
-/// The variants for a training: those that the settings name, else those of an earlier timing in the folder `kept`, else the fastest
-/// now. A form other than the capability's has to be a tenth faster.
+/// The variants for a training: those that the settings name, else those of an earlier timing in the folder `kept`,
+/// else the fastest by timing. Variants other than the default of the device have to be a tenth faster.
 pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>) -> Result<Tuned, Error> {
     let default = chosen_variants(gpu, settings)?;
     let by_capability = |why: &'static str| -> Result<Tuned, Error> {
-        Ok(Tuned { variants: default, why: Why::Capability(why), warning: None })
+        Ok(Tuned { variants: default, why: ChoiceReason::Capability(why), warning: None })
     };
     if settings.run.deterministic {
         return by_capability("`deterministic`");
@@ -85,10 +86,10 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
     if let (Tune::Auto, Some(folder)) = (settings.run.tune, kept) {
         match cache::find(folder, gpu.caps(), class) {
             Ok(Some(variants)) if candidates.contains(&variants) => {
-                return Ok(Tuned { variants, why: Why::Kept, warning: None });
+                return Ok(Tuned { variants, why: ChoiceReason::Kept, warning: None });
             }
             Ok(_) => {}
-            Err(problem) => warning = Some(format!("{problem}; it is ignored and made anew")),
+            Err(problem) => warning = Some(format!("{problem}; the file is ignored and written anew")),
         }
     }
     if settings.run.tune == Tune::Auto && settings.run.iterations < FEWEST_STEPS {
@@ -99,7 +100,7 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
     }
     let times = measure(gpu, input, settings, &candidates)?;
     let variants = faster(default, &times);
-    // With forms named on the command line it is no choice among all.
+    // If the settings name a variant, the choice is not among all variants and is not kept.
     let (blending, stepping) = (&settings.blending, &settings.stepping);
     let free = blending.tile_shape.is_none() && stepping.gradient_sum.is_none();
     if let (Some(folder), true) = (kept, free)
@@ -107,7 +108,7 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
     {
         warning = Some(format!("the chosen variants could not be kept: {problem}"));
     }
-    Ok(Tuned { variants, why: Why::Timed(times), warning })
+    Ok(Tuned { variants, why: ChoiceReason::Timed(times), warning })
 }
 
 /// The variants to time: all that the device can run and the settings allow, the default first.
@@ -124,8 +125,8 @@ fn candidates(gpu: &Gpu, settings: &Settings, default: Variants) -> Vec<Variants
     all
 }
 
-/// Seconds of a forward and backward of each view, medians summed over the views. A variant that a first step shows to be far
-/// slower than another has the time of that step; one that does not fit the memory is left out.
+/// Seconds of a forward and backward of each variant: medians, summed over the views. A variant whose first step is far
+/// slower than another variant gets the time of that step. A variant that does not fit the memory is left out.
 pub fn measure(
     gpu: &Gpu,
     input: &Input,
@@ -140,7 +141,7 @@ pub fn measure(
             continue;
         }
         let best = times.iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
-        match of_form(gpu, &input, settings, variants, best, ROUNDS) {
+        match time_variants(gpu, &input, settings, variants, best, ROUNDS) {
             Ok(seconds) => {
                 if seconds > HOPELESS_TILES * best {
                     hopeless.push(variants.tile);
@@ -154,7 +155,7 @@ pub fn measure(
     Ok(times)
 }
 
-/// Two of the views, spread over the training views.
+/// The input with two views, spread over the training views.
 fn thinned(input: &Input) -> Input {
     let all = input.train.len();
     let views = all.min(VIEWS);
@@ -168,14 +169,14 @@ fn thinned(input: &Input) -> Input {
     }
 }
 
-/// Seconds of a forward and backward, as the mean over two views, each looked at twice.
+/// Seconds of a forward and backward: the mean over two views, each looked at twice.
 fn seconds_per_step(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants) -> Result<f64, Error> {
     let input = thinned(input);
-    let seconds = of_form(gpu, &input, settings, variants, f64::INFINITY, 1)?;
+    let seconds = time_variants(gpu, &input, settings, variants, f64::INFINITY, 1)?;
     Ok(seconds / input.train.len().max(1) as f64)
 }
 
-fn of_form(
+fn time_variants(
     gpu: &Gpu,
     input: &Input,
     settings: &Settings,
@@ -201,7 +202,7 @@ fn of_form(
         if round == 1 && first > HOPELESS * best {
             break;
         }
-        // The uncounted steps grow buffers and fill caches, which takes no several times as long as a step.
+        // The uncounted steps also grow buffers and fill caches, but that takes less than several steps.
         if round == 0 && uncounted > 2.0 * HOPELESS_TILES * best {
             return Ok(uncounted);
         }
@@ -209,8 +210,8 @@ fn of_form(
     Ok(samples.into_iter().map(median).sum())
 }
 
-/// The step that is timed: all harmonics in use, photographs at their size or one of their middle bands, and alphas cut off where most
-/// steps have it; nothing of the model changes, so that all forms work on the same.
+/// The step that is timed: all harmonics in use, photographs at full size or a middle band, and the alpha cutoff of
+/// most steps. The model does not change, so all variants work on the same model.
 fn timed(schedule: &Schedule, settings: &Settings) -> StepPlan {
     let of = settings.run.bands;
     let band = (of > 1).then_some(Band { index: of / 2, of });
@@ -247,7 +248,7 @@ fn median(mut samples: Vec<f64>) -> f64 {
     samples.get(samples.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
-/// The default, unless another form is a tenth faster.
+/// The default, unless other variants are a tenth faster.
 fn faster(default: Variants, times: &[(Variants, f64)]) -> Variants {
     let of_default = times.iter().find(|t| t.0 == default).map_or(f64::INFINITY, |t| t.1);
     match times.iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
@@ -259,7 +260,7 @@ fn faster(default: Variants, times: &[(Variants, f64)]) -> Variants {
 impl Tuned {
     /// Whether the variants follow from the device's capabilities, and nothing was timed.
     pub fn is_by_capability(&self) -> bool {
-        matches!(self.why, Why::Capability(_))
+        matches!(self.why, ChoiceReason::Capability(_))
     }
 }
 
@@ -267,11 +268,11 @@ impl fmt::Display for Tuned {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "variants of the passes: {}", self.variants)?;
         match &self.why {
-            Why::Capability(why) => write!(f, " (by the device's capabilities: {why})"),
-            Why::Kept => {
+            ChoiceReason::Capability(why) => write!(f, " (by the device's capabilities: {why})"),
+            ChoiceReason::Kept => {
                 write!(f, " (the fastest of an earlier timing; `tune` again times anew, `tune` off takes none)")
             }
-            Why::Timed(times) => {
+            ChoiceReason::Timed(times) => {
                 let each = times.iter().map(|(v, s)| format!("{v} {:.2} ms", 1e3 * s));
                 write!(f, " (timed: {})", each.collect::<Vec<_>>().join("; "))
             }
@@ -284,9 +285,10 @@ mod tests {
     use super::*;
     use crate::raster::{GradientSum, TileShape};
 
-    /// A method may begin with photographs of a sixteenth of the pixels: what fits these best need not fit the others.
+    /// A method may begin with photographs of a sixteenth of the pixels; variants that are fast for them need not be
+    /// fast later.
     #[test]
-    fn coarse_photographs_are_not_what_is_timed() {
+    fn photographs_are_timed_at_full_size() {
         let settings = Settings::of_method(crate::train::settings::Method::Lean);
         let schedule = Schedule::new(&settings, 10);
         assert!(schedule.step(1).factor > 1);
@@ -294,9 +296,9 @@ mod tests {
         assert_eq!((plan.factor, plan.sh_degree, plan.band), (1, settings.model.sh_degree, None));
     }
 
-    /// The time of a training would be told several times too long.
+    /// Else the estimated time of a training would be several times too long.
     #[test]
-    fn what_is_timed_is_a_band_where_steps_look_at_bands() {
+    fn a_band_is_timed_if_steps_look_at_bands() {
         let mut settings = Settings::of_method(crate::train::settings::Method::Lean);
         settings.run.bands = 3;
         let plan = timed(&Schedule::new(&settings, 10), &settings);
@@ -304,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_timed_cuts_alphas_off_as_most_steps_do() {
+    fn the_timed_step_has_the_alpha_cutoff_of_most_steps() {
         let mut settings = Settings::default();
         for (share, cutoff) in [(0.0, None), (0.3, None), (0.7, Some(64))] {
             (settings.shortcuts.early_steps, settings.shortcuts.early_cutoff) = (share, 64);
@@ -313,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn another_form_has_to_be_a_tenth_faster() {
+    fn other_variants_have_to_be_a_tenth_faster() {
         let of = |tile, gradients| {
             let text = format!(r#"{{"tile":"{tile}","gradients":"{gradients}"}}"#);
             serde_json::from_str::<Variants>(&text).unwrap()

@@ -14,7 +14,8 @@ use psrgs_vk::pass::{densify_stats, opacity_reset};
 use psrgs_vk::raster::sort::SortShape;
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::train::density::{
-    ARGS, DensityControl, DensityRules, Model as DeviceModel, SCRATCH_BYTES, SCRATCH_LEAST, Sampled, Scratch, logit,
+    ARGS, DensityControl, DensityModel as DeviceModel, DensityRules, SCRATCH_BYTES, SCRATCH_LEAST, SampledGrowth,
+    Scratch, logit,
 };
 use psrgs_vk::twin::densify_stats::add_view;
 use psrgs_vk::vk::{Buffer, Gpu, Groups, Memory, Recorder};
@@ -211,7 +212,7 @@ fn device_follows_the_twin() {
 #[test]
 fn sampled_growth_follows_the_twin() {
     let Some(gpu) = gpu() else { return };
-    let sampled = Sampled {
+    let sampled = SampledGrowth {
         low_threshold: 0.4,
         high_threshold: 0.2,
         absolute: true,
@@ -225,7 +226,7 @@ fn sampled_growth_follows_the_twin() {
         let random = &mut Random::new(n as u64);
         let (rows, born) = random_rows(random, n);
         let mut want = Model::new(&rows, 2 * n + 1, born, random);
-        let sampled = Sampled { along_gradient, ..sampled };
+        let sampled = SampledGrowth { along_gradient, ..sampled };
         let rules = DensityRules { sampled: Some(sampled), keep_opacity: 0.9, ..rules() };
         let device = OnDevice::new(&gpu, &want);
         device.change(&rules, &[9]);
@@ -259,7 +260,7 @@ fn children_along_the_axis_are_their_parent_together() {
         row.moments[MEANS] = gradient.unwrap_or(DVec3::X).as_vec3().to_array().to_vec();
         (row.stats, row.scores) = ([1.0, 1.0, 1.0, 1.0], [1.0, 1.0]);
         let mut model = Model::new(&[row.clone()], 2, 1, &mut random);
-        let sampled = Sampled {
+        let sampled = SampledGrowth {
             low_threshold: 0.1,
             high_threshold: 0.1,
             absolute: true,

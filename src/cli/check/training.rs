@@ -4,7 +4,7 @@ use psrgs_vk::bench;
 use psrgs_vk::dataset::{Dataset, Role, Supply};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::stereo::surface_of_points;
-use psrgs_vk::train::prepare::First;
+use psrgs_vk::train::prepare::FirstModel;
 use psrgs_vk::train::{
     Error, Estimate, HostMemory, HostPlan, Input, MemoryPlan, Pacing, Residency, Settings, View, chosen_variants,
     longer_side, prepare, splats_on_surfaces,
@@ -64,7 +64,7 @@ pub(super) fn plan(
 
 fn planned(gpu: &Gpu, dataset: &Dataset, settings: &Settings, problems: &mut Vec<String>) -> Result<Training, Error> {
     let memory = HostMemory::new(settings.host.host_memory.map(|bytes| bytes.0));
-    let First { splats: points, left_out, .. } = prepare::first(dataset, settings)?;
+    let FirstModel { splats: points, left_out, .. } = prepare::first(dataset, settings)?;
     problems.extend(left_out.map(|left_out| left_out.to_string()));
     let (outline, variants) = (prepare::outline(dataset), chosen_variants(gpu, settings)?);
     // Stereo has not run: assume as many splats as it is to add, where points exist.

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use psrgs_vk::dataset::Dataset;
-use psrgs_vk::train::prepare::{Request, Setup};
+use psrgs_vk::train::prepare::{Setup, SetupRequest};
 use psrgs_vk::train::{Trainer, prepare};
 
 use super::plan::RunPlan;
@@ -32,7 +32,7 @@ pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, st
     let restart = resume::restart(plan, &folder, console)?;
     let gpu = device::open(&plan.settings.device, false, console)?;
     let cache = device::cache_folder();
-    let request = Request {
+    let request = SetupRequest {
         settings: &plan.settings,
         dataset: &dataset,
         weights: lpips.weights(),

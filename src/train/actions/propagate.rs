@@ -1,5 +1,5 @@
-//! Propagates the depths of a view: the depths found become the view's prior, and splats are added where the rendered depth
-//! is far from the depth found.
+//! Propagates the depths of a view: the depths found become the view's prior, and splats are added where the rendered
+//! depth is far from the depth found.
 
 use super::propagation::Propagation;
 use super::{Change, HostAction};

@@ -1,5 +1,5 @@
-//! Depths and normals found during training (GaussianPro, Cheng et al. 2024). The render of a view begins a search for planes
-//! that neighbouring views agree with. Splats are added where the planes found are far from the rendered depth.
+//! Depths and normals found during training (GaussianPro, Cheng et al. 2024). The render of a view begins a search for
+//! planes that neighbouring views agree with. Splats are added where the planes found are far from the rendered depth.
 
 use std::sync::Arc;
 
@@ -65,8 +65,8 @@ impl Propagation {
         self.scene.views.get(view).map(|v| v.camera)
     }
 
-    /// Depths and splats for the first of the views `together`, from renders of all of them with depth and normals. Splats
-    /// are added where the rendered depth differs from the depth found by more than `ratio` times the latter.
+    /// Depths and splats for the first of the views `together`, from renders of all of them with depth and normals.
+    /// Splats are added where the rendered depth differs from the depth found by more than `ratio` times the latter.
     pub(super) fn found(&self, together: &[usize], renders: &[Picture], ratio: f64) -> Result<Propagated, Error> {
         let views: Vec<View> = (0..together.len())
             .filter_map(|k| {
@@ -100,8 +100,8 @@ impl Propagation {
     }
 }
 
-/// Points with colours at pixels on a grid where the rendered depth is wrong, if enough pixels of the view are wrong. The
-/// rendered depth is a sum of weighted depths, so it is too small where the splats cover little.
+/// Points with colours at pixels on a grid where the rendered depth is wrong, if enough pixels of the view are wrong.
+/// The rendered depth is a sum of weighted depths, so it is too small where the splats cover little.
 fn wrong(view: &View, prior: &Prior, aux: &[f32], ratio: f64, size: (u32, u32)) -> Vec<([f64; 3], [u8; 3])> {
     let (width, height) = (view.camera.width as usize, view.camera.height as usize);
     let reduced = width as f64 / f64::from(size.0.max(1));

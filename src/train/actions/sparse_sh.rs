@@ -39,8 +39,8 @@ impl HostAction for SettleHarmonics {
     }
 }
 
-/// How much each splat makes renders depend on the direction: the energy of its harmonics of degree 1 times its opacity times
-/// the area of its largest cross-section.
+/// How much each splat makes renders depend on the direction: the energy of its harmonics of degree 1 times its opacity
+/// times the area of its largest cross-section.
 fn view_dependence(scales: &[f32], opacities: &[f32], head: &[f32]) -> Vec<f32> {
     let rows = scales.chunks_exact(3).zip(opacities).zip(head.chunks_exact(SH_GROUP_FLOATS));
     rows.map(|((scales, logit), head)| {
@@ -74,7 +74,8 @@ mod tests {
             row.resize(SH_GROUP_FLOATS, linear);
             row
         };
-        // The second colour changes twice as much, the third splat is four times as large in two directions, the fourth is faint.
+        // The second colour changes twice as much, the third splat is four times as large in two directions, the fourth
+        // is faint.
         let heads = [head(9.0, 0.1), head(0.0, 0.2), head(1.0, 0.1), head(0.0, 0.1), head(0.0, f32::NAN)].concat();
         let four = 4.0_f32.ln();
         let scales = [0.0, 0.0, -3.0, 0.0, -3.0, 0.0, four, four, -3.0, 0.0, 0.0, -3.0, 0.0, 0.0, 0.0];

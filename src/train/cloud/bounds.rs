@@ -1,16 +1,16 @@
-//! Where points lie.
+//! Bounding boxes of points.
 
 use std::fmt;
 
 use crate::dataset::{Dataset, Role};
 use crate::scene::Frame;
 
-/// Share of the reconstructed points that may lie outside on either side of an axis: a few are always far off.
+/// Share of the reconstructed points that may lie outside on either side of an axis, because a few are always far off.
 const OUTSIDE: f64 = 0.01;
-/// By how much of its longest side a box is widened on all sides.
+/// A box is widened on all sides by this share of its longest side.
 const WIDENED: f64 = 0.1;
 
-/// A box along the axes.
+/// An axis-aligned box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// Smallest coordinates.
@@ -20,7 +20,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Of points; `None` without any.
+    /// Bounds of points; `None` without points.
     pub fn of(points: impl IntoIterator<Item = [f64; 3]>) -> Option<Self> {
         let mut points = points.into_iter();
         let first = points.next()?;
@@ -31,8 +31,8 @@ impl Bounds {
         Some(points.fold(Self { low: first, high: first }, both))
     }
 
-    /// Of what a dataset's cameras look at, in its coordinates: of the reconstructed points, where there are any, else of the cameras
-    /// and what is as far from them as their extent.
+    /// Bounds of what a dataset's cameras look at, in dataset coordinates: of the reconstructed points, or, without
+    /// points, of the cameras, widened by the cameras' extent.
     pub fn of_dataset(dataset: &Dataset) -> Self {
         if dataset.begins_at_random() {
             let centers = dataset.views_of(Role::Train).map(|(_, view)| view.camera.center());
@@ -55,7 +55,7 @@ impl Bounds {
         Self { low: self.low.map(|v| v - by), high: self.high.map(|v| v + by) }
     }
 
-    /// Whether a point lies in it.
+    /// Whether a point lies in the box.
     pub fn contains(&self, p: [f64; 3]) -> bool {
         (0..3).all(|k| (self.low[k]..=self.high[k]).contains(&p[k]))
     }

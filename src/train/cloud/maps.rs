@@ -1,4 +1,4 @@
-//! A cloud as views see it.
+//! Depth and normal maps of a cloud.
 
 use std::collections::BTreeSet;
 
@@ -10,28 +10,30 @@ use super::normals::normal_at;
 use crate::scene::Camera;
 use crate::stereo::Prior;
 
-/// Points whose distance to their neighbour is looked at for the cloud's spacing.
+/// Number of points from which the cloud's spacing is measured.
 const SAMPLED: usize = 2000;
-/// Pixels to each side at most in which a nearer point hides others.
+/// Most pixels to each side in which a nearer point hides others.
 const MOST_REACH: usize = 8;
-/// How much steeper than 45 degrees a surface may be that does not hide its own points.
+/// Steepest slope (depth over width) of a surface that does not hide its own points.
 const SLOPE: f64 = 2.0;
 
-/// The nearest point of each pixel, and its depth.
-struct Seen {
+/// The nearest point of each pixel and its depth.
+struct NearestPoints {
     points: Vec<Option<u32>>,
     depth: Vec<f64>,
 }
 
-/// Depth and normals of a cloud for cameras in its coordinates: in each pixel the nearest point in it, where no surface that
-/// neighbouring points tell of is before it; normals where a point's neighbours lie on a plane.
+/// Depth and normals of a cloud for cameras in the cloud's coordinates. A pixel has the depth of the nearest point in
+/// it, unless points in neighbouring pixels show a surface in front, and a normal if the point's neighbours lie on a
+/// plane.
 pub fn maps(cameras: &[Camera], points: &[[f64; 3]]) -> Vec<Prior> {
     if points.is_empty() {
-        return cameras.iter().map(|camera| prior(camera, &Seen::nothing(camera), &|_| None)).collect();
+        return cameras.iter().map(|camera| prior(camera, &NearestPoints::nothing(camera), &|_| None)).collect();
     }
     let tree = ImmutableKdTree::<f64, 3>::new_from_slice(points);
     let spacing = spacing(&tree, points);
-    let seen: Vec<Seen> = cameras.par_iter().map(|camera| Seen::new(camera, points, spacing)).collect();
+    let seen: Vec<NearestPoints> =
+        cameras.par_iter().map(|camera| NearestPoints::new(camera, points, spacing)).collect();
     let used: Vec<u32> =
         seen.iter().flat_map(|s| s.points.iter().flatten().copied()).collect::<BTreeSet<_>>().into_iter().collect();
     let at = |p: u32| points.get(p as usize).and_then(|place| normal_at(&tree, points, *place));
@@ -40,7 +42,7 @@ pub fn maps(cameras: &[Camera], points: &[[f64; 3]]) -> Vec<Prior> {
     cameras.iter().zip(&seen).map(|(camera, seen)| prior(camera, seen, &normal)).collect()
 }
 
-/// Median distance of a point from the nearest other.
+/// Median distance from a point to the nearest other point.
 fn spacing(tree: &ImmutableKdTree<f64, 3>, points: &[[f64; 3]]) -> f64 {
     let step = points.len().div_ceil(SAMPLED).max(1);
     let wanted = std::num::NonZero::new(2).unwrap_or(std::num::NonZero::<usize>::MIN);
@@ -50,7 +52,7 @@ fn spacing(tree: &ImmutableKdTree<f64, 3>, points: &[[f64; 3]]) -> f64 {
     *distances.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-impl Seen {
+impl NearestPoints {
     fn nothing(camera: &Camera) -> Self {
         let pixels = camera.width as usize * camera.height as usize;
         Self { points: vec![None; pixels], depth: vec![f64::INFINITY; pixels] }
@@ -73,7 +75,7 @@ impl Seen {
                 }
             }
         }
-        // Gaps between the points of a surface are as wide as they are apart.
+        // Gaps between the points of a surface are as wide as the spacing of the points.
         let focal = camera.fx.max(camera.fy);
         let mut depths: Vec<f64> = seen.depth.iter().copied().filter(|z| z.is_finite()).collect();
         if depths.is_empty() {
@@ -93,7 +95,7 @@ impl Seen {
     }
 }
 
-/// The least value within `reach` pixels to each side, rows and columns one after the other.
+/// The least value within `reach` pixels to each side; first along rows, then along columns.
 fn least_around(values: &[f64], width: usize, height: usize, reach: usize) -> Vec<f64> {
     let least = |from: &[f64], at: usize, step: usize, place: usize, count: usize| {
         let (first, last) = (place.saturating_sub(reach), (place + reach).min(count - 1));
@@ -103,7 +105,7 @@ fn least_around(values: &[f64], width: usize, height: usize, reach: usize) -> Ve
     (0..width * height).map(|p| least(&rows, p, width, p / width, height)).collect()
 }
 
-fn prior(camera: &Camera, seen: &Seen, normal: &dyn Fn(u32) -> Option<DVec3>) -> Prior {
+fn prior(camera: &Camera, seen: &NearestPoints, normal: &dyn Fn(u32) -> Option<DVec3>) -> Prior {
     let turned = DMat3::from_cols_array_2d(&camera.rotation).transpose();
     let mut out = Prior { width: camera.width, height: camera.height, ..Prior::default() };
     for (pixel, point) in seen.points.iter().enumerate() {
@@ -153,7 +155,7 @@ mod tests {
         }
     }
 
-    /// A roof with wide gaps between its points over the ground: what shows through them is behind it.
+    /// A roof over the ground, with wide gaps between its points: the ground that shows through the gaps is hidden.
     #[test]
     fn what_lies_behind_a_surface_is_not_seen() {
         let mut points = ground();

@@ -1,6 +1,6 @@
-//! Points on surfaces that were measured, by a laser scanner or else by stereo: where splats may grow, and depths and normals to train
-//! with (after RS-Gaussian, Li et al. 2024, whose LiDAR cloud limits where splats grow and split; its code is not public, so the
-//! distance and the terms of the loss are this project's).
+//! Clouds of points on surfaces, measured by a laser scanner or by stereo. A cloud limits where splats grow, and gives
+//! depths and normals to train with. After RS-Gaussian (Li et al. 2024), whose LiDAR cloud limits where splats grow and
+//! split; its code is not public, so the distance and the terms of the loss are this project's.
 
 mod bounds;
 mod maps;
@@ -19,13 +19,14 @@ use super::Error;
 use crate::dataset::Dataset;
 use crate::format::{At, Error as FileError, LeftOut, foreign, las, ply};
 
-/// The positions in a PLY, LAS or LAZ file, told apart by how they begin. A few points that are not finite are left out.
+/// The positions in a PLY, LAS or LAZ file, told apart by their first bytes. A few points that are not finite are left
+/// out.
 pub fn read(file: &Path) -> Result<Vec<[f64; 3]>, FileError> {
     read_with(file, false).map(|(positions, _)| positions)
 }
 
-/// The positions in a file, with what was left out. Points that are not finite are an error where it is `strict`, and where they are more
-/// than one of ten.
+/// The positions in a file, and what was left out. Points that are not finite are an error if `strict`, or if they are
+/// more than one in ten.
 pub fn read_with(file: &Path, strict: bool) -> Result<(Vec<[f64; 3]>, Option<LeftOut>), FileError> {
     let mut opened = File::open(file).map_err(FileError::io(file, "open"))?;
     let mut begins = Vec::new();
@@ -46,12 +47,12 @@ pub fn read_with(file: &Path, strict: bool) -> Result<(Vec<[f64; 3]>, Option<Lef
     }
 }
 
-/// The positions in a file in scene coordinates, if they lie where the dataset's cameras look.
+/// The positions in a file, in scene coordinates. An error if none lies where the dataset's cameras look.
 pub fn placed(file: &Path, dataset: &Dataset) -> Result<Vec<[f64; 3]>, Error> {
     place(file, read(file)?, dataset)
 }
 
-/// The positions that a file has in scene coordinates, if they lie where the dataset's cameras look.
+/// Positions of a file turned into scene coordinates. An error if none lies where the dataset's cameras look.
 pub(super) fn place(file: &Path, positions: Vec<[f64; 3]>, dataset: &Dataset) -> Result<Vec<[f64; 3]>, Error> {
     let scene = Bounds::of_dataset(dataset);
     if positions.iter().any(|p| scene.contains(*p)) {

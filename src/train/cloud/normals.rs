@@ -5,14 +5,15 @@ use std::num::NonZero;
 use glam::{DMat3, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-/// Points that a plane is laid through, the point itself among them.
+/// Points to which a plane is fitted, the point itself among them.
 const NEIGHBOURS: usize = 12;
-/// A plane's spread across itself is at most this share of its smaller spread along itself, both as standard deviations.
+/// Largest standard deviation of points across a plane, as a share of the smaller one along the plane.
 const FLAT: f64 = 0.3;
-/// Turns of the axes; each further one squares what is left.
+/// Sweeps of Jacobi's rotations; each further sweep squares the remaining error.
 const TURNS: usize = 8;
 
-/// A unit normal (of either sign) of the plane through the nearest points of a place, where these lie on one.
+/// Unit normal, of either sign, of the plane through the points nearest to `place`; `None` if the points lie on no
+/// plane.
 pub(super) fn normal_at(tree: &ImmutableKdTree<f64, 3>, points: &[[f64; 3]], place: [f64; 3]) -> Option<DVec3> {
     let wanted = NonZero::new(NEIGHBOURS).unwrap_or(NonZero::<usize>::MIN);
     let near = tree.nearest_n::<SquaredEuclidean>(&place, wanted);

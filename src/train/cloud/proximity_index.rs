@@ -6,11 +6,11 @@ use std::fmt;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
-/// Of points in one cube with this share of the distance as its side only the first is kept: that changes distances by at most
+/// Side of a cube over the distance. Of the points in a cube only the first is kept, which changes distances by at most
 /// 0.11 times the distance.
 const THINNED: f64 = 1.0 / 16.0;
 
-/// A cloud that tells what is within a distance of it.
+/// A cloud that answers which places are within a distance of its points.
 pub struct ProximityIndex {
     tree: ImmutableKdTree<f64, 3>,
     points: usize,
@@ -29,18 +29,18 @@ impl ProximityIndex {
         tree.map(|tree| Self { tree, points: kept.len(), within })
     }
 
-    /// Whether a place is within the distance of the cloud.
+    /// Whether a place is within the distance of a point of the cloud.
     pub fn is_near(&self, place: [f64; 3]) -> bool {
         let finite = place.iter().all(|v| v.is_finite());
         finite && self.tree.nearest_one::<SquaredEuclidean>(&place).distance <= self.within * self.within
     }
 
-    /// The same for rows of three floats.
+    /// [`Self::is_near`] for rows of three floats.
     pub fn near(&self, means: &[f32]) -> Vec<bool> {
         means.par_chunks_exact(3).map(|m| self.is_near([0, 1, 2].map(|k| f64::from(m[k])))).collect()
     }
 
-    /// Points that are compared with.
+    /// Number of points after thinning.
     pub fn points(&self) -> usize {
         self.points
     }
@@ -61,7 +61,7 @@ mod tests {
         (*state >> 40) as f64 / f64::from(1 << 24)
     }
 
-    /// All distances; what lies in the band that thinning may move is left out.
+    /// Compares with all distances, except near the limit, where thinning may change the answer.
     #[test]
     fn near_is_what_all_distances_say() {
         let mut state = 7;

@@ -1,8 +1,8 @@
-//! New rows in Morton order, so that the gathers of a density change write neighbours in space side by side.
+//! Sorts new rows into Morton order, so that splats that are neighbours in space are neighbours in memory.
 
 use std::ops::Range;
 
-use super::{Model, Scratch};
+use super::{DensityModel, Scratch};
 use crate::pass::densify_order::{self as pass, CODE_BITS, CodesPush, Push};
 use crate::pass::plan::Entry;
 use crate::pass::{Pass, counters};
@@ -12,7 +12,7 @@ use crate::vk::{BufferSlice, Gpu, Groups, Pipeline, Recorder, Result, slices};
 /// Bits of an identity.
 const ID_BITS: u32 = 32;
 
-/// Passes that sort splats by their birth and along Morton's curve.
+/// Passes that sort splats by birth (identity) and into Morton order.
 pub(super) struct Ordering {
     shape: SortShape,
     sort: SortPasses,
@@ -25,24 +25,24 @@ pub(super) struct Ordering {
     alignment: u64,
 }
 
-/// The splats of a model in the order of their birth, and memory for what follows; all of it in [`Scratch::rows`], which is otherwise
-/// used only when planes are moved:
+/// The splats of a model in the order of birth, and memory for later passes; all of it in [`Scratch::rows`], which is
+/// otherwise used only when planes are moved:
 ///
-/// | bytes of `rows`, per splat | until the flags are in order | after |
+/// | bytes of `rows`, per splat | until the flags are in order | later |
 /// |---|---|---|
-/// | 8 | sort by identity: keys | identities by birth, and one side of the places in the order of birth |
+/// | 8 | sort by identity: keys | identities by birth, and one side of the ranks by birth |
 /// | 8 | sort by identity: rows | rows by birth, and the other side |
-/// | 2 (with digits of 8 bits) | tables of both sorts | |
+/// | 2 (with digits of 8 bits) | tables of both sorts | tables of both sorts |
 /// | 16 | flags by row | map and identities of the new rows by birth; codes, two sides |
 #[derive(Clone, Copy)]
 pub(super) struct ByBirth<'a> {
     /// Identities, ascending.
     pub(super) ids: BufferSlice<'a>,
-    /// Row of each.
+    /// Row of each identity.
     row_of: BufferSlice<'a>,
     /// Flags by row.
     pub(super) flags: BufferSlice<'a>,
-    /// Map of the new rows in the order of birth, sources being ranks in the order of birth.
+    /// Map of the new rows in the order of birth. Sources are ranks in the order of birth.
     pub(super) map: BufferSlice<'a>,
     /// Identities of the new rows.
     pub(super) new_ids: BufferSlice<'a>,
@@ -51,8 +51,8 @@ pub(super) struct ByBirth<'a> {
     tables: [BufferSlice<'a>; 2],
 }
 
-/// Where the parts are, in bytes.
-struct Layout {
+/// Byte ranges of the parts.
+struct OrderLayout {
     keys: [Range<u64>; 2],
     vals: [Range<u64>; 2],
     tables: [Range<u64>; 2],
@@ -62,7 +62,7 @@ struct Layout {
     codes: [Range<u64>; 2],
 }
 
-impl Layout {
+impl OrderLayout {
     fn new(shape: SortShape, capacity: u32, alignment: u64) -> Self {
         let word = 4 * u64::from(capacity);
         let table = 4 * shape.table_words(u64::from(capacity), ID_BITS);
@@ -74,7 +74,7 @@ impl Layout {
         let two = |end: &mut u64, bytes: u64| [place(end, bytes), place(end, bytes)];
         let mut end = 0;
         let (keys, vals, tables) = (two(&mut end, word), two(&mut end, word), two(&mut end, table));
-        // Flags by row are dead when what lies over them is written.
+        // The flags by row are no longer needed when the parts that share their memory are written.
         let mut over = end;
         let flags = place(&mut end, 4 * word);
         let (map, new_ids, codes) = (place(&mut over, word), place(&mut over, word), two(&mut over, word));
@@ -93,28 +93,29 @@ impl Ordering {
             flags: pipeline(&pass::FLAGS)?,
             codes: pipeline(&pass::CODES)?,
             order: pipeline(&pass::ORDER)?,
-            // Cells are smallest within 2 of the 5 scene units that cameras keep to, and reach to 30.
+            // Cells are smallest within 2 scene units of the centre (cameras are within 5), and reach to 30.
             scale: (2.5 / extent) as f32,
             capacity,
             alignment: gpu.caps().limits.storage_alignment,
         })
     }
 
-    /// Bytes of its own buffers; all else is lent.
+    /// Bytes of the buffers, without lent memory.
     pub(super) fn bytes(&self) -> u64 {
         self.sort.bytes()
     }
 
-    /// The entries of `args` for the sort of the new rows, from the counter of rows: two, and one of one workgroup.
+    /// The entries of `args` for the sort of the new rows: two that follow the counter of rows, and one of one
+    /// workgroup.
     pub(super) fn entries(shape: SortShape) -> [Entry; 3] {
         let [sort, table] = shape.entries(CODE_BITS);
         [sort, table, Entry::fixed(1)]
     }
 
     /// Records the sort of the model's splats by identity.
-    pub(super) fn record_births<'a>(&self, rec: &mut Recorder, model: &Model<'a>) -> Result<ByBirth<'a>> {
+    pub(super) fn record_births<'a>(&self, rec: &mut Recorder, model: &DensityModel<'a>) -> Result<ByBirth<'a>> {
         let Scratch { rows, .. } = model.scratch;
-        let layout = Layout::new(self.shape, self.capacity, self.alignment);
+        let layout = OrderLayout::new(self.shape, self.capacity, self.alignment);
         let [keys, vals, tables, codes] =
             [layout.keys, layout.vals, layout.tables, layout.codes].map(|two| two.map(|range| rows.slice(range)));
         let [flags, map, new_ids] = [layout.flags, layout.map, layout.new_ids].map(|range| rows.slice(range));
@@ -135,19 +136,20 @@ impl Ordering {
         })
     }
 
-    /// Records bringing flags by row into the order of birth.
+    /// Records the permutation of flags from the order of rows to the order of birth.
     pub(super) fn record_flags(&self, rec: &mut Recorder, sorted: &ByBirth<'_>, flags: BufferSlice<'_>) -> Result<()> {
         let push = Push { stride: self.capacity };
         rec.dispatch(&self.flags, &[sorted.row_of, sorted.flags, flags], &push, self.all())
     }
 
-    /// Records the sort of the new rows along Morton's curve: their map and identities from the order of birth into that of rows.
-    /// Entries `first` and [`Self::entries`] after it are planned.
+    /// Records the sort of the new rows into Morton order: the map and identities of the new rows are permuted from the
+    /// order of birth to that of rows. Expects planned workgroups at entry `first` of `args` and [`Self::entries`]
+    /// after it.
     pub(super) fn record_rows(
         &self,
         rec: &mut Recorder,
         sorted: &ByBirth<'_>,
-        model: &Model<'_>,
+        model: &DensityModel<'_>,
         map: BufferSlice<'_>,
         first: u32,
     ) -> Result<()> {
@@ -180,8 +182,8 @@ mod tests {
             for alignment in [4, 16, 64, 256] {
                 let around = [1_023, 1_024, 1_025, 2_049, 100_000, 5_000_001, 80_000_000];
                 for capacity in (1..600).chain(around) {
-                    let Layout { keys, vals, tables, flags, map, new_ids, codes } =
-                        Layout::new(shape, capacity, alignment);
+                    let OrderLayout { keys, vals, tables, flags, map, new_ids, codes } =
+                        OrderLayout::new(shape, capacity, alignment);
                     let lent = (SCRATCH_BYTES * u64::from(capacity)).max(SCRATCH_LEAST);
                     let fixed = keys.iter().chain(&vals).chain(&tables);
                     let after = [&map, &new_ids, &codes[0], &codes[1]];

@@ -1,61 +1,62 @@
-//! Which splats are cloned, split and pruned, as settings.
+//! The rules by which splats are cloned, split and pruned.
 
 use crate::pass::{densify_classify, densify_sample};
 
-/// The rules of a density change, in scene units.
+/// The rules of a density change; lengths in scene units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityRules {
-    /// Mean gradient norm (normalised device coordinates) from which a small splat is cloned.
+    /// Mean gradient norm in normalised device coordinates from which a small splat is cloned.
     pub clone_threshold: f32,
     /// Mean gradient norm from which a large splat is split.
     pub split_threshold: f32,
-    /// Splits are judged by sums of absolute per-pixel gradients (AbsGS) rather than signed ones (3DGS).
+    /// Whether splits are judged by sums of absolute per-pixel gradients (AbsGS) instead of signed ones (3DGS).
     pub split_absolute: bool,
-    /// Largest standard deviation of a small splat: percent_dense times the extent.
+    /// Largest standard deviation of a small splat; `percent_dense` times the extent in 3DGS.
     pub split_scale: f64,
     /// Opacity below which a splat is pruned.
     pub prune_opacity: f64,
     /// Standard deviation above which a splat is pruned.
     pub prune_scale: Option<f64>,
-    /// Number of splats that growth does not pass.
+    /// Most splats after growth.
     pub max_splats: Option<u32>,
     /// Growth by sampling, in place of the thresholds above.
-    pub sampled: Option<Sampled>,
-    /// What every opacity is multiplied by at a change.
+    pub sampled: Option<SampledGrowth>,
+    /// Factor of every opacity at a density change.
     pub keep_opacity: f32,
     /// The run's seed.
     pub seed: u32,
 }
 
-/// Growth by sampling: see [`densify_sample`]. Splits put their children along an axis.
+/// Growth by sampling (see [`densify_sample`]). Splits place their children along an axis of the parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sampled {
-    /// Mean gradient norm (normalised device coordinates) from which a splat with mask value 0 may be split.
+pub struct SampledGrowth {
+    /// Mean gradient norm in normalised device coordinates from which a splat with mask value 0 may be split.
     pub low_threshold: f32,
-    /// The same with mask value 1.
+    /// Mean gradient norm from which a splat with mask value 1 may be split.
     pub high_threshold: f32,
-    /// Judged by sums of absolute per-pixel gradients rather than signed ones.
+    /// Whether splats are judged by sums of absolute per-pixel gradients instead of signed ones.
     pub absolute: bool,
     /// Probability of a split at the threshold.
     pub rate: f32,
-    /// How much of it is in proportion to the mask value.
+    /// Share of the probability that is proportional to the mask value.
     pub mask_share: f32,
-    /// How much of it is in proportion to the share of views in which the splat is wrong.
+    /// Share of the probability that is proportional to the share of views in which the splat is wrong.
     pub error_share: f32,
-    /// Whether splats are pruned that blended into no pixel since the last change.
+    /// Whether splats that blended into no pixel since the last change are pruned.
     pub prune_unseen: bool,
-    /// Whether children stand along that axis of their parent along which the loss changes most, in place of the longest.
+    /// Whether children are placed along the axis of the parent along which the loss changes most, instead of the
+    /// longest.
     pub along_gradient: bool,
 }
 
-/// Logit of an opacity, in the precision in which opacities are stored; finite for 0 and 1 too, of which it makes their nearest numbers.
+/// Logit of an opacity as f32. The opacity is clamped to the numbers next to 0 and 1, so the logit is finite.
 pub fn logit(opacity: f64) -> f32 {
     let opacity = opacity.clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON);
     (opacity / (1.0 - opacity)).ln() as f32
 }
 
 impl DensityRules {
-    /// The reference's values (Kerbl et al. 2023, current code) for a scene of the given extent.
+    /// The values of the reference implementation (Kerbl et al. 2023, current code) for a scene of the given extent.
     pub fn reference(extent: f64, seed: u32) -> Self {
         Self {
             clone_threshold: 2e-4,
@@ -86,7 +87,7 @@ impl DensityRules {
     }
 
     /// The rules of sampled growth as the shader compares them.
-    pub fn sample_push(&self, sampled: &Sampled, stride: u32, event: u32) -> densify_sample::Push {
+    pub fn sample_push(&self, sampled: &SampledGrowth, stride: u32, event: u32) -> densify_sample::Push {
         densify_sample::Push {
             stride,
             low_threshold: sampled.low_threshold,

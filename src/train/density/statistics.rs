@@ -1,4 +1,4 @@
-//! What density control wants to know of every splat, gathered step by step.
+//! Statistics of every splat for density control, accumulated step by step.
 
 use crate::dataset::Depth;
 use crate::loss::Photograph;
@@ -10,11 +10,11 @@ use crate::train::Error;
 use crate::train::settings::{Growth, Settings};
 use crate::vk::{self, Buffer, Gpu, Memory, Pipeline, Recorder, slices};
 
-/// Gradient norms of every splat, and where growth is sampled its scores.
+/// Gradient norms of every splat, and its scores if growth is sampled.
 pub(in crate::train) struct Statistics {
     stats: Buffer,
     accumulate: Pipeline,
-    /// Where growth follows the rule of 3DGS, whose means are over more views than those that show a splat.
+    /// For growth by the rule of 3DGS, which takes means over more views than those that show a splat.
     views: Option<Pipeline>,
     scores: Option<Scores>,
 }
@@ -26,16 +26,16 @@ struct Scores {
     error: f32,
 }
 
-/// What a step has shown.
+/// What the statistics of a step are computed from.
 #[derive(Clone, Copy)]
-pub(in crate::train) struct Seen<'a> {
+pub(in crate::train) struct StatisticsInput<'a> {
     pub(in crate::train) model: &'a Planes,
     pub(in crate::train) shot: &'a RenderView,
-    /// Rows of the image that this is a part of, or all of.
+    /// Height of the photograph, of which `shot` may be a band.
     pub(in crate::train) of_height: u32,
     pub(in crate::train) image: &'a Buffer,
     pub(in crate::train) photograph: &'a Photograph<'a>,
-    /// A value per pixel, where there are masks.
+    /// Saliency, a value per pixel, if there are masks.
     pub(in crate::train) saliency: Option<&'a Buffer>,
 }
 
@@ -66,35 +66,35 @@ impl Statistics {
         &self.stats
     }
 
-    /// A vec2 per splat, where growth is sampled; see [`densify_scores`].
+    /// A vec2 per splat, if growth is sampled; see [`densify_scores`].
     pub(in crate::train) fn scores(&self) -> Option<&Buffer> {
         self.scores.as_ref().map(|scores| &scores.rows)
     }
 
-    /// Records setting everything to zero.
+    /// Records setting statistics and scores to zero.
     pub(in crate::train) fn clear(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
         recorder.fill(&self.stats, 0)?;
         self.scores().map_or(Ok(()), |rows| recorder.fill(rows, 0))
     }
 
-    /// Records adding what a step has shown, after its blend backward.
+    /// Records adding the statistics of a step, after its blend backward.
     pub(in crate::train) fn record(
         &self,
         recorder: &mut Recorder,
         renderer: &Renderer,
-        seen: Seen<'_>,
+        step: StatisticsInput<'_>,
     ) -> Result<(), vk::Error> {
         let Some(grad2d) = renderer.grad2d() else { return Ok(()) };
-        let Camera { width, height, .. } = seen.shot.camera;
-        let push = densify_stats::Push { half_width: 0.5 * width as f32, half_height: 0.5 * seen.of_height as f32 };
+        let Camera { width, height, .. } = step.shot.camera;
+        let push = densify_stats::Push { half_width: 0.5 * width as f32, half_height: 0.5 * step.of_height as f32 };
         let [counts, tile_counts, splat2d, stats] =
             slices([&renderer.counters, &renderer.tile_counts, &renderer.splat2d, &self.stats]);
         let buffers = [counts, tile_counts, grad2d, stats];
         recorder.dispatch(&self.accumulate, &buffers, &push, renderer.per_splat())?;
         if let Some(views) = &self.views {
-            let planes = seen.model.buffers();
+            let planes = step.model.buffers();
             let [means, quats, scales] = slices([&planes[MEANS], &planes[QUATS], &planes[SCALES]]);
-            let push = CameraPush::new(&seen.shot.camera, &seen.shot.projection);
+            let push = CameraPush::new(&step.shot.camera, &step.shot.projection);
             recorder.dispatch(
                 views,
                 &[counts, tile_counts, means, quats, scales, stats],
@@ -103,16 +103,16 @@ impl Statistics {
             )?;
         }
         let Some(scores) = &self.scores else { return Ok(()) };
-        let pipeline = scores.sixteen.as_ref().filter(|_| seen.photograph.bits == 16).unwrap_or(&scores.eight);
-        let masked = u32::from(seen.saliency.is_some());
+        let pipeline = scores.sixteen.as_ref().filter(|_| step.photograph.bits == 16).unwrap_or(&scores.eight);
+        let masked = u32::from(step.saliency.is_some());
         let push = densify_scores::Push { width, height, masked, error: scores.error };
         let [image, photograph, saliency, rows] =
-            slices([seen.image, seen.photograph.buffer, seen.saliency.unwrap_or(seen.image), &scores.rows]);
+            slices([step.image, step.photograph.buffer, step.saliency.unwrap_or(step.image), &scores.rows]);
         let buffers = [counts, tile_counts, splat2d, grad2d, image, photograph, saliency, rows];
         recorder.dispatch(pipeline, &buffers, &push, renderer.per_splat())
     }
 
-    /// Room for more, with the same contents. Waits.
+    /// Makes room for `splats` splats; contents stay. Waits.
     pub(in crate::train) fn grow(&mut self, gpu: &Gpu, splats: u32) -> Result<(), vk::Error> {
         self.stats = grown(gpu, &self.stats, 16 * u64::from(splats))?;
         if let Some(scores) = &mut self.scores {
@@ -121,7 +121,7 @@ impl Statistics {
         Ok(())
     }
 
-    /// Statistics and scores of the first `splats` splats; no scores where there are none. Waits.
+    /// Statistics and scores of the first `splats` splats; no scores if growth is not sampled. Waits.
     pub(in crate::train) fn read(&self, gpu: &Gpu, splats: u32) -> Result<[Vec<f32>; 2], vk::Error> {
         let rows = |buffer: Option<&Buffer>, width: usize| match buffer {
             Some(buffer) if splats > 0 => gpu.read_at(buffer, 0, width * splats as usize),
@@ -130,7 +130,7 @@ impl Statistics {
         Ok([rows(Some(&self.stats), 4)?, rows(self.scores(), 2)?])
     }
 
-    /// Writes what an earlier run had.
+    /// Writes statistics and scores of an earlier run.
     pub(in crate::train) fn restore(&self, gpu: &Gpu, stats: &[f32], scores: &[f32]) -> Result<(), Error> {
         let expected = if self.scores.is_some() { stats.len() / 2 } else { 0 };
         if scores.len() != expected {
@@ -145,7 +145,7 @@ impl Statistics {
         }
     }
 
-    /// Bytes of its buffers.
+    /// Bytes of the buffers.
     pub(in crate::train) fn bytes(&self) -> u64 {
         self.stats.size() + self.scores().map_or(0, Buffer::size)
     }

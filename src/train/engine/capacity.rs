@@ -1,5 +1,5 @@
-//! What the buffers of a training take, and how many splats and pairs fit. Nothing here knows the buffers: the engine is allocated on a handle
-//! that only counts.
+//! Bytes of the buffers of a training, and how many splats and pairs fit. The bytes are counted by allocating an engine
+//! on a planning handle, so no list of buffers is kept here.
 
 use super::Engine;
 use crate::dataset::Depth;
@@ -12,30 +12,31 @@ use crate::train::photographs::Photographs;
 use crate::train::settings::Settings;
 use crate::vk::{Gpu, Memory};
 
-/// Pairs that are reserved for a splat, and for a tile.
+/// Pairs reserved for a splat.
 pub(in crate::train) const PAIRS_PER_SPLAT: u32 = 8;
+/// Pairs reserved for a tile.
 const PAIRS_PER_TILE: u32 = 24;
-/// Other users of the device's memory (staging, the host's own) are rounded up to this, so that they do not decide how many
-/// splats fit.
+/// Memory in use by others is rounded up to a multiple of this, so that small differences do not change how many splats
+/// fit.
 const GRAIN: u64 = 16 << 20;
-/// Set aside for what is on its way to the device.
+/// Set aside for uploads.
 const STAGING: u64 = 4 << 20;
 
-/// What the memory of a training depends on, apart from the numbers of splats and pairs.
+/// Everything that the memory of a training depends on, except the numbers of splats and pairs.
 #[derive(Clone)]
 pub(in crate::train) struct Needs {
     pub(in crate::train) gpu: Gpu,
     pub(in crate::train) views: Vec<(Camera, Depth)>,
     pub(in crate::train) settings: Settings,
     pub(in crate::train) extent: f64,
-    /// Whether pictures are rendered on the way: of held-out photographs, or to weigh splats.
+    /// Whether views are rendered between steps: held-out views, or training views to weigh splats.
     pub(in crate::train) pictures: bool,
     /// Bytes that the training may use.
     pub(in crate::train) room: u64,
     /// Where the photographs are.
     pub(in crate::train) residency: Residency,
-    /// Where they are taken to be when the most splats are counted, which must not depend on how much memory the host has to
-    /// spare today.
+    /// Where the photographs are assumed to be when the most splats are computed. That number must not depend on how
+    /// much memory the host has free today.
     counted: Residency,
     in_flight: usize,
 }
@@ -63,17 +64,17 @@ impl Needs {
         if needs.residency == Residency::Auto {
             needs.residency = usual;
         }
-        // Streaming takes less than what is set aside so.
+        // Streaming takes less memory than the photographs on the device, so the limit holds for it too.
         needs.counted = if usual == Residency::Resident { usual } else { needs.residency };
         Ok(needs)
     }
 
-    /// The same for photographs of next to no pixels.
+    /// The needs with photographs of 8 x 8 pixels.
     pub(in crate::train) fn of_small_views(&self) -> Self {
         Self { views: self.views.iter().map(|(c, d)| (c.resized(8, 8), *d)).collect(), ..self.clone() }
     }
 
-    /// On the device where that takes little of it, or less than streaming.
+    /// On the device if the photographs take at most half of the memory, or less than streaming; else streamed.
     fn usual_residency(&self) -> Result<Residency, Error> {
         let resident = self.of_photographs(Residency::Resident)?;
         let little = resident <= self.room / 2 || resident <= self.of_photographs(Residency::Streamed)?;
@@ -87,7 +88,7 @@ impl Needs {
         Ok(counting.planned_bytes())
     }
 
-    /// Bytes of the buffers of a training with room for so many splats and pairs, photographs apart.
+    /// Bytes of the buffers of a training with room for `splats` splats and `pairs` pairs, without photographs.
     pub(in crate::train) fn training(&self, variants: Variants, splats: u32, pairs: u32) -> Result<u64, Error> {
         let counting = self.gpu.planning();
         let photographs = Photographs::allocate(&self.gpu.planning(), &[], Residency::Resident, 2, 1)?;
@@ -95,8 +96,8 @@ impl Needs {
         Ok(counting.planned_bytes())
     }
 
-    /// The same with the photographs and with what comes and goes on the way: pictures of held-out views, what is read back for a
-    /// checkpoint, staging.
+    /// Bytes of the buffers of a training, photographs and temporary buffers included: renders of held-out views,
+    /// read-back for a checkpoint, staging.
     pub(in crate::train) fn bytes(&self, variants: Variants, splats: u32, pairs: u32) -> Result<u64, Error> {
         Ok(self.of_photographs(self.residency)? + self.without_photographs(variants, splats, pairs)?)
     }
@@ -124,7 +125,7 @@ impl Needs {
         self.bytes(variants, splats, pairs).is_ok_and(|bytes| bytes <= self.room)
     }
 
-    /// Pairs to have room for with so many splats.
+    /// Capacity of pairs for `splats` splats.
     fn pairs_for(&self, variants: Variants, splats: u32) -> u32 {
         let side = variants.tile.size();
         let tiles = self.views.iter().map(|(c, _)| c.width.div_ceil(side) * c.height.div_ceil(side)).max().unwrap_or(1);
@@ -132,8 +133,8 @@ impl Needs {
         pairs.min(most_pairs(&self.gpu, variants))
     }
 
-    /// Most splats that fit with the pairs that belong to them: a function of settings, photographs and limit alone, so that a
-    /// resumed run has the same. `None` when memory is not what limits them.
+    /// Most splats that fit with their pairs. Depends only on settings, photographs and the memory limit, so that a
+    /// resumed run has the same number. `None` if memory does not limit the splats.
     pub(in crate::train) fn most_splats(&self, variants: Variants) -> Option<u32> {
         let most = most_splats(&self.gpu);
         let room = self.room.saturating_sub(self.of_photographs(self.counted).unwrap_or(u64::MAX));
@@ -161,7 +162,7 @@ impl Needs {
             0 => self.pairs_for(variants, splats),
             given => given.min(most_pairs(&self.gpu, variants)),
         };
-        // Asked for once as it is, so that other errors than a lack of memory are told.
+        // Computed once with `?`, so that errors other than a lack of memory are returned.
         let needed = self.bytes(variants, splats, pairs)?;
         if needed <= self.room {
             return Ok((splats, pairs));
@@ -190,7 +191,7 @@ impl Needs {
         }
     }
 
-    /// A capacity of splats between `wanted` and `planned` that fits beside `pairs` pairs, if there is one.
+    /// A capacity of splats between `wanted` and `planned` that fits beside `pairs` pairs, if any fits.
     pub(in crate::train) fn splats(&self, variants: Variants, pairs: u32, wanted: u32, planned: u32) -> Option<u32> {
         largest(wanted, planned.max(wanted), |splats| self.fits(variants, splats, pairs))
     }
@@ -209,7 +210,8 @@ impl Needs {
     }
 }
 
-/// The largest number from `low` to `high` that fits, where all below one that fits do too. `None` when `low` does not.
+/// The largest number from `low` to `high` that fits, by bisection: all numbers below a fitting one must fit. `None` if
+/// `low` does not fit.
 fn largest(low: u32, high: u32, fits: impl Fn(u32) -> bool) -> Option<u32> {
     if !fits(low) {
         return None;

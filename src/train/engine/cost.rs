@@ -1,27 +1,27 @@
-//! What a training costs in device memory.
+//! Device memory of a training by splat, pair and pixel.
 
 use serde::Serialize;
 
 use crate::raster::MemoryFootprint;
 
-/// Device memory of a training: real allocations over the capacities they were made for.
+/// Device memory of a training: bytes of the buffers divided by their capacities.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MemoryCost {
-    /// Bytes per splat that fits: parameters, moments, statistics, what is between model and image.
+    /// Bytes per splat of the capacity: parameters, moments, statistics, projected splats.
     pub per_splat: f64,
-    /// Bytes per (splat, tile) pair that fits: keys and values of the tile sort.
+    /// Bytes per (splat, tile) pair of the capacity: keys and values of the tile sort.
     pub per_pair: f64,
-    /// Bytes per pixel of the largest photograph: image, loss and their gradients, the tiles' ranges.
+    /// Bytes per pixel of the largest photograph: image, loss and their gradients, ranges of the tiles.
     pub per_pixel: f64,
-    /// Sums of gradients in slots, as in deterministic mode: bytes more per pair ...
+    /// Additional bytes for sums of gradients in slots, as in deterministic training: per pair ...
     pub slots_per_pair: f64,
     /// ... and per splat.
     pub slots_per_splat: f64,
-    /// Splats that fit.
+    /// Capacity of splats.
     pub splats: u32,
-    /// Pairs that fit.
+    /// Capacity of pairs.
     pub pairs: u32,
-    /// Pixels that fit.
+    /// Capacity of pixels.
     pub pixels: u32,
     /// Bytes of the photographs.
     pub photographs: u64,

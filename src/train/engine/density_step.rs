@@ -3,7 +3,7 @@
 use super::Engine;
 use crate::raster::Planes;
 use crate::train::Error;
-use crate::train::density::{self, DensityRules, Sampled, Scratch};
+use crate::train::density::{DensityModel, DensityRules, SampledGrowth, Scratch};
 use crate::train::schedule::{Event, StepPlan};
 use crate::train::settings::Growth;
 use crate::vk::Recorder;
@@ -11,7 +11,7 @@ use crate::vk::Recorder;
 impl Engine {
     pub(super) fn record_density(&self, recorder: &mut Recorder, event: Event, plan: &StepPlan) -> Result<(), Error> {
         let density = &self.settings.density;
-        // A change at most doubles the splats: a limit beyond that costs a pass and changes nothing.
+        // A change at most doubles the splats, so a limit above twice the capacity would cost a pass for nothing.
         let near = self.most_splats.filter(|most| self.size.splats.saturating_mul(2) > *most);
         let rules = DensityRules {
             clone_threshold: density.grad_threshold as f32,
@@ -22,7 +22,7 @@ impl Engine {
             prune_scale: (density.prune_extent > 0.0 && plan.densify.is_some_and(|d| d.prune_large))
                 .then_some(density.prune_extent * self.needs.extent),
             max_splats: density.max_splats.into_iter().chain(near).min(),
-            sampled: (density.growth == Growth::Sampled).then_some(Sampled {
+            sampled: (density.growth == Growth::Sampled).then_some(SampledGrowth {
                 low_threshold: if plan.low { density.low_grad_threshold } else { density.grad_threshold } as f32,
                 high_threshold: density.grad_threshold as f32,
                 absolute: density.absgrad,
@@ -39,9 +39,9 @@ impl Engine {
         Ok(())
     }
 
-    pub(super) fn density_model(&self) -> density::Model<'_> {
+    pub(super) fn density_model(&self) -> DensityModel<'_> {
         let [rows, words] = self.renderer.idle();
-        density::Model {
+        DensityModel {
             planes: self.model.buffers(),
             plain: self.has_plain_splats(),
             first_moments: self.optimiser.first().buffers(),

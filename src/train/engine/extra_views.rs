@@ -1,4 +1,4 @@
-//! Views that a step looks at beside its own: windows of them, for the perceptual distance.
+//! Windows of views that a step looks at beside its own, for the perceptual distance.
 
 use super::Engine;
 use crate::train::Error;
@@ -10,8 +10,8 @@ use crate::vk::Recorder;
 const PIXEL: u64 = 16;
 
 impl Engine {
-    /// Records the gradients of the model for the views that a step looks at beside its own, of which only the windows are rendered; gives
-    /// whether there are any. To be followed by the step's own view.
+    /// Records the gradients of the model for windows of the views that a step looks at beside its own. Returns whether
+    /// there are any. Record the step's own view next.
     pub(super) fn record_beside(&self, recorder: &mut Recorder, plan: &StepPlan) -> Result<bool, Error> {
         let (Some(perceptual), Some(planned)) = (&self.terms.perceptual, plan.perceptual) else { return Ok(false) };
         if plan.adam == Adam::None {
@@ -19,7 +19,7 @@ impl Engine {
         }
         let mut first = true;
         for other in planned.beside() {
-            // Not where the step's own photograph comes to.
+            // Another landing than that of the step's own photograph.
             let recording = self.reports.recorded() + 1;
             let visit = Visit { view: other.view, step: plan.step, band: None, recording };
             let mut step = self.look_at(recorder, plan, &visit, other.seen)?;

@@ -1,4 +1,4 @@
-//! What the device reports at the end of each event, in a ring that the host reads later.
+//! The device's reports at the end of each event, in a ring buffer that the host reads later.
 
 use std::collections::VecDeque;
 
@@ -7,12 +7,12 @@ use crate::pass::{counters, finish};
 use crate::train::Error;
 use crate::vk::{Buffer, Gpu, Groups, Memory, Pipeline, Recorder, Ticket};
 
-/// Bytes of a slot, which holds a report of `finish`: as much as any device aligns bindings to.
+/// Bytes of a slot, which holds a report of `finish`: the largest alignment of bindings of any device.
 const SLOT: u64 = 256;
-/// Slots; more than events ever in flight.
+/// Number of slots: more than events are ever in flight.
 const SLOTS: u64 = 64;
 
-/// The ring, and which submitted recording reports to which slot.
+/// The ring, and the slot of each submitted recording.
 pub(super) struct Reports {
     finish: Pipeline,
     ring: Buffer,
@@ -46,7 +46,7 @@ impl Reports {
         Ok(recorder.dispatch(&self.finish, &buffers, push, Groups::Workgroups(1))?)
     }
 
-    /// The recording was submitted: the next one reports to the next slot.
+    /// Notes that a recording was submitted. The next recording reports to the next slot.
     pub(super) fn submitted(&mut self, ticket: Ticket) {
         self.slots.push_back((ticket, self.next_slot));
         while self.slots.len() as u64 >= SLOTS {
@@ -56,12 +56,12 @@ impl Reports {
         self.recorded += 1;
     }
 
-    /// How many recordings have been submitted.
+    /// Number of recordings submitted so far.
     pub(super) fn recorded(&self) -> u64 {
         self.recorded
     }
 
-    /// What an event has reported. Waits for it if it is not done.
+    /// The report of an event. Waits until the event is done.
     pub(super) fn outcome(&self, gpu: &Gpu, ticket: Ticket) -> Result<Outcome, Error> {
         gpu.wait(ticket)?;
         let slot = self.slots.iter().find(|(t, _)| *t == ticket).map_or(0, |(_, slot)| *slot);
@@ -72,7 +72,7 @@ impl Reports {
         Ok(Outcome { counters, loss, ticket })
     }
 
-    /// Bytes of its buffer that count as device memory.
+    /// Bytes of the ring that count as device memory.
     pub(super) fn bytes(&self, gpu: &Gpu) -> u64 {
         gpu.counted_bytes(&self.ring)
     }

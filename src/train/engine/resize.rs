@@ -1,15 +1,16 @@
-//! Larger buffers, when an event has found one too small.
+//! Grows buffers that were too small for an event.
 
-use super::{Engine, Growth, density_control};
+use super::{Engine, GrownCapacities, density_control};
 use crate::pass::counters;
 use crate::raster::{Renderer, Size, Variants, grown, most_pairs, most_splats};
 use crate::train::Error;
 
 impl Engine {
-    /// Waits for everything submitted, makes what was too small larger, and clears the status. Gives the number of the last
-    /// event done, and what grew to which capacity: nothing where splats would have to grow past what fits, which
-    /// [`Self::most_splats`] then says. On an error the training can still be saved, after [`Self::clear_overflow`].
-    pub fn grow(&mut self) -> Result<(u32, Growth), Error> {
+    /// Waits for everything submitted, grows the buffers that were too small, and clears the status. Returns the number
+    /// of the last event done, and the new capacities. If more splats do not fit, their buffers do not grow and
+    /// [`Self::most_splats`] is set. After an error the training can still be saved: call [`Self::clear_overflow`]
+    /// first.
+    pub fn grow(&mut self) -> Result<(u32, GrownCapacities), Error> {
         let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         let status = words[counters::STATUS];
         let mut grown = Vec::new();
@@ -38,7 +39,7 @@ impl Engine {
                     size.splats = splats;
                     grown.push(("splats", u64::from(splats)));
                 }
-                // Pairs have taken more than was set aside for them.
+                // Pairs take more memory than was set aside for them.
                 None => self.most_splats = Some(size.splats),
             }
         }
@@ -47,7 +48,7 @@ impl Engine {
         Ok((words[counters::DONE], grown))
     }
 
-    /// Makes room for `wanted` splats as far as they fit, with these counters; gives for how many there is room. Waits.
+    /// Makes room for `wanted` splats, or as many as fit, and writes the counters `words`. Returns the capacity. Waits.
     pub(super) fn room_for(&mut self, wanted: u32, words: &[u32]) -> Result<u32, Error> {
         if wanted > self.size.splats {
             let planned = larger(wanted, self.size.splats, most_splats(&self.gpu), "splats", "`max-splats`")?;
@@ -64,7 +65,7 @@ impl Engine {
     fn resize(&mut self, variants: Variants, size: Size, words: &[u32]) -> Result<(), Error> {
         let splats = size.splats;
         if splats > self.size.splats {
-            // What nothing outlives a step in goes before larger planes come.
+            // Buffers whose contents outlive no step are freed before larger planes are allocated.
             self.density = density_control(&self.gpu, 1, &self.needs)?;
             self.terms.resize(&self.gpu, 1)?;
             self.rebuild(variants, Size { splats: 1, pairs: 1, tiles: 1, ..size }, words)?;
@@ -75,7 +76,8 @@ impl Engine {
         self.rebuild(variants, size, words)
     }
 
-    /// After a failed [`Self::grow`]: clears the status, so that the state can be saved. Gives the number of the last event done.
+    /// Clears the status after a failed [`Self::grow`], so that the state can be saved. Returns the number of the last
+    /// event done.
     pub fn clear_overflow(&mut self) -> Result<u32, Error> {
         let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         words[counters::STATUS] = 0;
@@ -84,8 +86,9 @@ impl Engine {
     }
 
     fn rebuild(&mut self, variants: Variants, size: Size, counters: &[u32]) -> Result<(), Error> {
-        // The old buffers go before the new ones come: nothing in them outlives a step. The counters do, and are never lost. They
-        // stay where they are with the planes that they count, for whoever looks at these from outside.
+        // The old buffers are freed before the new ones are allocated, because their contents outlive no step. The
+        // counters do, and are kept. If the planes stay, their counters stay in the same buffer, for a host that
+        // renders the model.
         let kept = (size.splats == self.size.splats).then(|| self.renderer.counters.clone());
         self.renderer = Renderer::new(&self.gpu, variants, Size { splats: 1, pairs: 1, tiles: 1, ..size })?;
         self.gpu.write(&self.renderer.counters, counters)?;
@@ -99,13 +102,14 @@ impl Engine {
         Ok(())
     }
 
-    /// From now on steps also count evaluated and blended pixel-splats into [`Renderer::pair_counts`], which is slower. Waits.
+    /// Makes later steps count evaluated and blended pixel-splats into [`Renderer::pair_counts`], which is slower.
+    /// Waits.
     pub fn count_pixel_splats(&mut self) -> Result<(), Error> {
         let words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         self.rebuild(self.variants(), Size { count: true, ..self.size }, &words)
     }
 
-    /// Plane by plane, so that only one of them is held twice.
+    /// Grows plane by plane, so that only one plane is held twice at a time.
     fn grow_planes(&mut self, splats: u32) -> Result<(), Error> {
         self.ids = grown(&self.gpu, &self.ids, 4 * u64::from(splats))?;
         self.statistics.grow(&self.gpu, splats)?;
@@ -115,7 +119,7 @@ impl Engine {
     }
 }
 
-/// A capacity for `wanted` elements with room to spare, at most `most`.
+/// A capacity for `wanted` elements with a quarter to spare, at most `most`.
 fn larger(wanted: u32, now: u32, most: u32, what: &'static str, remedy: &'static str) -> Result<u32, Error> {
     if wanted > most {
         return Err(Error::TooMany { what, wanted: u64::from(wanted), limit: u64::from(most), remedy });

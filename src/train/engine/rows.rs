@@ -1,4 +1,4 @@
-//! Rows of the model that the host reads, drops, moves and adds between steps, moments and identities with them.
+//! Reading, dropping, moving and adding rows of the model between steps, with their moments and identities.
 
 use super::Engine;
 use crate::pass::counters;
@@ -8,27 +8,28 @@ use crate::train::Error;
 use crate::train::density::DensityRules;
 use crate::vk::Memory;
 
-/// Below the logit of every opacity that is kept, and finite: what is not counts as a bad splat.
+/// Logit of the opacity of a splat to drop: below that of every kept splat, but finite, else the splat would count as a
+/// bad one.
 const DOOMED_LOGIT: f32 = -1e30;
-/// Between the two.
+/// Opacity threshold between dropped and kept splats.
 const PRUNE_OPACITY: f64 = 1e-30;
-/// Column of the statistics that counts views: mean gradients are sums divided by it, and without views there are none.
+/// Column of the statistics that counts views. Mean gradients are sums divided by this count, or zero without views.
 const VIEWS: usize = 2;
 
-/// What came of adding splats.
+/// The result of adding splats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::train) struct Appended {
     /// Splats that were added.
     pub(in crate::train) added: u32,
-    /// Splats after that.
+    /// Splats after adding.
     pub(in crate::train) splats: u32,
-    /// Splats that there is room for, where that has grown.
+    /// New capacity of splats, if it has grown.
     pub(in crate::train) capacity: Option<u32>,
 }
 
-/// What is here is to be called when everything submitted is done, and waits.
+/// Call these methods when everything submitted is done. They wait for the device.
 impl Engine {
-    /// The first rows of a plane below [`SH_HIGHER`].
+    /// The first `splats` rows of a plane; `plane` is below [`SH_HIGHER`].
     pub(in crate::train) fn rows(&self, plane: usize, splats: u32) -> Result<Vec<f32>, Error> {
         if splats == 0 {
             return Ok(Vec::new());
@@ -37,8 +38,8 @@ impl Engine {
         Ok(self.gpu.read_at(&self.model.buffers()[plane], 0, width as usize * splats as usize)?)
     }
 
-    /// Takes the views off the statistics of the other splats, so that none of these grows in the density change that follows. Done again it
-    /// changes nothing.
+    /// Sets the count of views to zero in the statistics of all splats but the `growing` ones, so that only these grow
+    /// in the next density change. A second call changes nothing.
     pub(in crate::train) fn limit_growth_to(&self, growing: &[bool]) -> Result<(), Error> {
         if growing.is_empty() {
             return Ok(());
@@ -67,8 +68,7 @@ impl Engine {
         Ok(self.gpu.read(&weights)?)
     }
 
-    /// Drops the splats whose weight is below `least`, moments and all; gives how many. Statistics of
-    /// growth begin anew.
+    /// Drops the splats whose weight is below `least`, with their moments, and returns how many. Clears the statistics.
     pub(in crate::train) fn drop_below(&mut self, least: f64, weights: &[f32]) -> Result<u32, Error> {
         if weights.is_empty() {
             return Ok(0);
@@ -98,13 +98,13 @@ impl Engine {
         Ok((weights.len() as u32).saturating_sub(self.splats()?))
     }
 
-    /// Of so many splats those that may have harmonics above degree 1, where not all have.
+    /// How many of `splats` splats may have harmonics above degree 1, if not all have them.
     pub(in crate::train) fn most_full_rows(&self, splats: u32) -> u32 {
         let share = (self.settings.model.sh_share * f64::from(splats)) as u32;
         share.min(self.model.full_rows())
     }
 
-    /// Drops the rows that are not `kept`, moments and all; the others keep their order.
+    /// Drops the rows that are not `kept`, with their moments; the others keep their order.
     fn keep_rows(&mut self, kept: &[bool]) -> Result<(), Error> {
         let words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         let full = counters::full_rows(&words);
@@ -114,8 +114,8 @@ impl Engine {
         self.rearrange(&rows, full)
     }
 
-    /// Puts the row `rows[k]` in place of row k, for every k; there are no others then. The first `full` have harmonics above degree 1,
-    /// where that is settled. Statistics of growth begin anew.
+    /// Replaces the rows by `rows[0]`, `rows[1]` and so on. The first `full` of them have harmonics above degree 1;
+    /// `None` if those splats are not chosen yet. Clears the statistics.
     pub(in crate::train) fn rearrange(&mut self, rows: &[u32], full: Option<u32>) -> Result<(), Error> {
         let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         let (before, full_before) = (words[counters::SPLATS] as usize, counters::full_rows(&words));
@@ -168,7 +168,7 @@ impl Engine {
         Ok(())
     }
 
-    /// Adds splats behind the others, with moments and statistics of zero, as many as may be and fit.
+    /// Adds splats after the others, with moments and statistics of zero, as many as the limits allow and as fit.
     pub(in crate::train) fn append(&mut self, new: &Gaussians) -> Result<Appended, Error> {
         let before = self.size.splats;
         let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;

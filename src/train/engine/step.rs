@@ -1,4 +1,4 @@
-//! The recording of a training step.
+//! Records a training step.
 
 use super::Engine;
 use crate::train::Error;
@@ -9,7 +9,7 @@ use crate::train::terms::{Phase, StepContext};
 use crate::vk::{Buffer, Recorder};
 
 impl Engine {
-    /// Gives the step of the optimiser with which every splat was caught up, where it was.
+    /// Records a step. Returns the optimiser step up to which all splats were caught up, if they were.
     pub(super) fn record_step(
         &self,
         recorder: &mut Recorder,
@@ -32,14 +32,15 @@ impl Engine {
         terms.record(Phase::AfterExposureBackward, recorder, &mut step)?;
         step.record_blend_backward(recorder, &lists)?;
         if plan.accumulate {
-            self.statistics.record(recorder, &self.renderer, step.seen())?;
+            self.statistics.record(recorder, &self.renderer, step.statistics_input())?;
         }
         terms.record(Phase::AfterBlendBackward, recorder, &mut step)?;
 
         Ok(self.optimiser.record(recorder, &step.stepping(self.statistics.stats(), beside))?)
     }
 
-    /// Records a photograph, and gives what comparing a render with it is about; `seen` is how often it has been looked at.
+    /// Records bringing a photograph to the device, and returns the context for comparing a render with it; `seen` is
+    /// how often the photograph has been looked at.
     pub(super) fn look_at<'a>(
         &'a self,
         recorder: &mut Recorder,
@@ -78,8 +79,7 @@ impl Engine {
         })
     }
 
-    /// Records the mask that the view has from this step on, where that is another, and the saliency of the pixels that are rendered, where
-    /// the step needs it.
+    /// Records the upload of the view's learned mask, and the saliency of the rendered pixels if the step needs it.
     fn record_saliency<'a>(
         &'a self,
         recorder: &mut Recorder,

@@ -1,11 +1,11 @@
-//! Photographs that come to their steps while training goes on.
+//! Streamed photographs.
 
 use super::Engine;
 use crate::eval::PhotographWait;
 use crate::train::photographs::FeedCounts;
 
 impl Engine {
-    /// How many views [`Self::look_ahead`] has a use for: 0 when all photographs are on the device or decoded.
+    /// How many views [`Self::look_ahead`] can use; 0 when all photographs are on the device or decoded.
     pub fn ahead(&self) -> usize {
         self.views.photographs.ahead()
     }
@@ -15,12 +15,12 @@ impl Engine {
         self.views.photographs.look_ahead(views);
     }
 
-    /// Gives back what the host keeps of photographs. No step may follow.
+    /// Frees the photographs that the host keeps. No step may follow.
     pub fn release_photographs(&mut self) {
         self.views.photographs.release();
     }
 
-    /// How photographs came to their steps; `None` when all are on the device.
+    /// Counts of the photographs of the steps so far; `None` when all photographs are on the device.
     pub fn feed_counts(&self) -> Option<FeedCounts> {
         self.views.photographs.counts()
     }

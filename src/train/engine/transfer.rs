@@ -1,4 +1,4 @@
-//! What goes into an engine at the beginning, and what is read back of it.
+//! Initial contents of an engine, and reading back its model and state.
 
 use super::{Engine, MemoryCost};
 use crate::pass::camera::{NEAR, Projection};
@@ -16,7 +16,7 @@ use crate::train::state::State;
 impl Engine {
     pub(super) fn begin(&mut self, initial: &Gaussians) -> Result<(), Error> {
         let n = initial.len() as u32;
-        // One plane after the other, so that the host holds none but that one twice.
+        // One plane after the other, so that the host holds only one plane twice.
         if n > 0 {
             let order = initial.morton_order();
             let planes = if self.has_plain_splats() { SH_HIGHER } else { PLANES.len() };
@@ -64,7 +64,7 @@ impl Engine {
         Ok(())
     }
 
-    /// What the buffers cost that count as device memory.
+    /// Cost of the buffers that count as device memory.
     pub fn memory(&self) -> MemoryCost {
         let of_splats = [
             self.model.bytes(),
@@ -94,7 +94,7 @@ impl Engine {
         Ok(gaussians_of(self.model.read(&self.gpu, n)?, ids))
     }
 
-    /// Renders the model as it is, with every band of the spherical harmonics in use at `sh_degree`. Waits.
+    /// Renders the current model with spherical harmonics up to `sh_degree`. Waits.
     pub fn picture(
         &mut self,
         camera: &Camera,
@@ -107,7 +107,7 @@ impl Engine {
         Ok(self.viewer.render(&self.model, splats, &shot, aux)?)
     }
 
-    /// How a camera sees the model outside of training steps.
+    /// The view to render from a camera outside of training steps.
     pub fn view_shot(&self, camera: &Camera, sh_degree: u32, background: [f32; 3]) -> RenderView {
         let projection = Projection {
             sh_degree,
@@ -126,7 +126,7 @@ impl Engine {
         &self.model
     }
 
-    /// A handle of the model for others to look at.
+    /// A handle with which a host can render the model.
     pub fn live_model(&self) -> LiveModel {
         LiveModel::new(self.model.clone(), self.renderer.counters.clone())
     }
@@ -137,27 +137,28 @@ impl Engine {
         Ok(words[counters::SPLATS])
     }
 
-    /// The bound of the constrained set; `None` where there is none. Waits.
+    /// Splats with an identity below this are the constrained set; `None` without such a set. Waits.
     pub fn constrained_below(&self) -> Result<Option<u32>, Error> {
         let words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         Ok(Some(words[counters::CONSTRAINED]).filter(|bound| *bound > 0))
     }
 
-    /// The loss of a view over the width of the saliency filter; `None` where that is not learned, or the view has nothing to tell. Waits.
+    /// The loss of a view over the width of the saliency filter; `None` if the width is not learned or nothing can be
+    /// learned from the view. Waits.
     pub fn sigma_curve(&mut self, view: usize, sh_degree: u32, background: [f32; 3]) -> Result<Option<Curve>, Error> {
         if self.terms.sigma.is_none() {
             return Ok(None);
         }
         let camera = *self.views.cameras.get(view).ok_or(Error::NoViews)?;
         let mut picture = self.picture(&camera, sh_degree, background, false)?;
-        // Compared with the photograph, as in training.
+        // The exposed render is compared with the photograph, as in training.
         if let Some(exposure) = self.exposures()?.as_ref().and_then(|exposures| exposures.get(view)) {
             picture = picture.exposed(exposure);
         }
         self.terms.sigma.as_ref().map_or(Ok(None), |sigma| sigma.curve(view, &picture.rgbt))
     }
 
-    /// Everything a restart needs, read back. Waits.
+    /// The state for a restart, read back. Waits.
     pub fn state(&self) -> Result<State, Error> {
         let counters: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         let n = counters[counters::SPLATS];

@@ -1,4 +1,4 @@
-//! What a step looks at: the photographs with their cameras and masks.
+//! The views of a training: cameras, photographs and masks.
 
 use std::time::Instant;
 
@@ -15,18 +15,18 @@ use crate::train::schedule::StepPlan;
 use crate::train::settings::Settings;
 use crate::vk::{Gpu, Recorder};
 
-/// The views to train on, in their order.
+/// The training views, in their order.
 pub(super) struct Views {
     pub(super) cameras: Vec<Camera>,
     pub(super) photographs: Photographs,
     coarse: Option<Coarse>,
     pub(super) saliencies: Option<Saliencies>,
-    /// What making the masks took.
+    /// Seconds that making the masks took.
     pub(super) saliency_seconds: f64,
 }
 
 impl Views {
-    /// Room for masks and reduced photographs, as far as the settings need these; contents undefined.
+    /// Buffers for masks and reduced photographs, if the settings need them; contents undefined.
     pub(super) fn allocate(
         gpu: &Gpu,
         views: &[(Camera, Depth)],
@@ -41,7 +41,7 @@ impl Views {
         Ok(Self { cameras, photographs, coarse, saliencies, saliency_seconds: 0.0 })
     }
 
-    /// Makes the masks of the photographs, where they are needed, and gives what learning their width begins with.
+    /// Makes the saliency masks if they are needed, and returns the cache from which learning their width begins.
     pub(super) fn fill_masks(
         &mut self,
         gpu: &Gpu,
@@ -56,7 +56,8 @@ impl Views {
         Ok(Some(cache))
     }
 
-    /// Records a photograph, or the band of it that is looked at, reduced where the plan says so; gives it with the camera of the whole.
+    /// Records bringing a photograph or a band of it to the device, reduced where the plan says so. Returns the
+    /// photograph, and the camera of the whole photograph at that size.
     pub(super) fn record<'a>(
         &'a self,
         gpu: &Gpu,
@@ -71,12 +72,13 @@ impl Views {
         Ok((coarse.record(recorder, whole, &photograph, plan.factor)?, Coarse::camera(whole, plan.factor)))
     }
 
-    /// A place in a view that has been looked at so often, as shares of width and height: where the view's mask is rich.
+    /// A position where the view's mask is high, as shares of width and height; `seen` is how often the view has been
+    /// looked at.
     pub(super) fn center(&self, view: usize, seen: u32) -> [f32; 2] {
         self.saliencies.as_ref().map_or([0.5; 2], |saliencies| saliencies.place(view, seen))
     }
 
-    /// Bytes of the buffers, photographs apart.
+    /// Bytes of the buffers, without photographs.
     pub(super) fn footprint(&self) -> MemoryFootprint {
         let [of_pixels, fixed] = self.saliencies.as_ref().map_or([0; 2], Saliencies::bytes);
         let of_coarse = self.coarse.as_ref().map_or(0, Coarse::bytes);
@@ -89,7 +91,7 @@ pub(super) fn most_pixels(cameras: &[Camera]) -> u32 {
     cameras.iter().map(|c| c.width * c.height).max().unwrap_or(1)
 }
 
-/// Pixels of a photograph, in the mean.
+/// Mean number of pixels of a photograph.
 pub(super) fn mean_pixels(cameras: &[Camera]) -> f64 {
     let all: f64 = cameras.iter().map(|c| f64::from(c.width) * f64::from(c.height)).sum();
     (all / cameras.len().max(1) as f64).max(1.0)

@@ -74,8 +74,9 @@ impl Exposures {
         Ok(&self.exposed)
     }
 
-    /// Records the backward pass after the loss: turns the gradient of the exposed render, in `grad_image`, into that of the
-    /// render, and steps the photograph's matrix. `once` dispatches one workgroup, or none when the event is lost.
+    /// Records the backward pass after the loss: turns the gradient of the exposed render, in `grad_image`, into that
+    /// of the render, and steps the photograph's matrix. `once` dispatches one workgroup, or none when the event is
+    /// lost.
     pub(in crate::train) fn record_backward(
         &self,
         recorder: &mut Recorder,

@@ -62,8 +62,8 @@ pub(in crate::train) struct Optimiser {
 }
 
 impl Optimiser {
-    /// Moments for `capacity` splats, contents undefined. `extent` is that of the scene and scales the learning rate of the
-    /// means; `pixels` is the mean number of pixels of a photograph, over which the loss is a mean.
+    /// Moments for `capacity` splats, contents undefined. `extent` is that of the scene and scales the learning rate of
+    /// the means; `pixels` is the mean number of pixels of a photograph, over which the loss is a mean.
     pub(in crate::train) fn new(
         gpu: &Gpu,
         capacity: u32,
@@ -110,8 +110,8 @@ impl Optimiser {
         Ok(Self { moments, passes, summed, settings, extent, flatten, shrink, degree: AtomicU32::new(0) })
     }
 
-    /// Whether splats that are not on the image take no step: if the settings say so and the device binds the buffers of the
-    /// fused pass. The separate pass steps all splats.
+    /// Whether splats that are not on the image take no step: if the settings say so and the device binds the buffers
+    /// of the fused pass. The separate pass steps all splats.
     pub(in crate::train) fn leaves_out(gpu: &Gpu, training: &Settings) -> bool {
         let needed = if training.shortcuts.moment_bits == 16 { packed::BINDINGS } else { fused::BINDINGS };
         training.shortcuts.visible_adam && gpu.caps().limits.storage_buffers >= needed
@@ -184,8 +184,8 @@ impl Optimiser {
         Ok(())
     }
 
-    /// Records the gradients of `model` for a view beside the step's own, after the blend backward of `shot`. Does nothing if
-    /// steps look at one view only.
+    /// Records the gradients of `model` for a view beside the step's own, after the blend backward of `shot`. Does
+    /// nothing if steps look at one view only.
     pub(in crate::train) fn record_beside(
         &self,
         recorder: &mut Recorder,
@@ -199,8 +199,8 @@ impl Optimiser {
         renderer.record_project_backward_of(recorder, model, &summed.gradients, shot, terms)
     }
 
-    /// Records one step of the optimiser, after the blend backward. A splat makes up for missed steps when it steps; where
-    /// the plan says so, all splats do. Returns the optimiser step up to which all splats were caught up.
+    /// Records one step of the optimiser, after the blend backward. A splat makes up for missed steps when it steps;
+    /// where the plan says so, all splats do. Returns the optimiser step up to which all splats were caught up.
     pub(in crate::train) fn record(
         &self,
         recorder: &mut Recorder,

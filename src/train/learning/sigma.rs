@@ -1,6 +1,7 @@
-//! The width of the saliency filter for each photograph, learned during the training. At some steps the render is copied to
-//! the host. When such a step is done, the network takes one update from the render, and [`DELAY`] steps later the photograph
-//! gets the mask of its new width. The delay makes a run the same however far the host runs ahead, and when it is resumed.
+//! The width of the saliency filter for each photograph, learned during the training. At some steps the render is
+//! copied to the host. When such a step is done, the network takes one update from the render, and [`DELAY`] steps
+//! later the photograph gets the mask of its new width. The delay makes a run the same however far the host runs ahead,
+//! and when it is resumed.
 
 use serde::{Deserialize, Serialize};
 
@@ -60,7 +61,8 @@ pub(in crate::train) struct SigmaTraining {
 }
 
 impl SigmaTraining {
-    /// For these views and their luma planes (`lumas`, at the size of the masks), with at most `in_flight` steps in flight.
+    /// For these views and their luma planes (`lumas`, at the size of the masks), with at most `in_flight` steps in
+    /// flight.
     pub(in crate::train) fn new(
         gpu: &Gpu,
         views: &[View],
@@ -146,7 +148,8 @@ impl SigmaTraining {
         Ok(Some(SigmaUpdate { view, sigma: choice.sigma, loss: update.loss }))
     }
 
-    /// The loss over sigma of a view with this render (a vec4 per pixel); `None` if nothing can be learned from the render.
+    /// The loss over sigma of a view with this render (a vec4 per pixel); `None` if nothing can be learned from the
+    /// render.
     pub(in crate::train) fn curve(&self, view: usize, render: &[f32]) -> Result<Option<Curve>, Error> {
         let (Some(image), Some(size)) = (self.images.get(view), self.sizes.get(view)) else { return Ok(None) };
         let spectrum = Spectrum::new(&image.luma, &self.settings)?;

@@ -95,8 +95,9 @@ pub fn shares_memory(gpu: &Gpu) -> bool {
 pub struct HostPlan {
     /// What the process may take.
     pub memory: HostMemory,
-    /// Bytes of the training that are not photographs kept on the host: model and renders read back, the report, staging
-    /// of photographs, and the device's buffers if the device uses the host's memory. For the number of splats at the start.
+    /// Bytes of the training that are not photographs kept on the host: model and renders read back, the report,
+    /// staging of photographs, and the device's buffers if the device uses the host's memory. For the number of splats
+    /// at the start.
     pub training: u64,
     /// Bytes of all decoded photographs.
     pub decoded: u64,

@@ -1,4 +1,4 @@
-//! Steps at a fraction of the photographs' size.
+//! Photographs of reduced size.
 
 use crate::dataset::Depth;
 use crate::loss::Photograph;
@@ -7,7 +7,7 @@ use crate::scene::Camera;
 use crate::train::Error;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
 
-/// Room for a reduced photograph, and the pass that makes it.
+/// Buffer for a reduced photograph, and the pass that reduces.
 pub(in crate::train) struct Coarse {
     reduced: Buffer,
     eight: Pipeline,
@@ -30,7 +30,7 @@ impl Coarse {
         })
     }
 
-    /// The camera of a photograph reduced by `factor`: what does not fill a pixel is left out.
+    /// The camera of a photograph reduced by `factor`. Columns and rows that do not fill a reduced pixel are left out.
     pub(in crate::train) fn camera(camera: &Camera, factor: u32) -> Camera {
         let by = f64::from(factor.max(1));
         Camera {
@@ -44,7 +44,7 @@ impl Coarse {
         }
     }
 
-    /// Records the photograph reduced by `factor`, at least 2.
+    /// Records reducing the photograph by `factor`, at least 2, and returns the reduced photograph.
     pub(in crate::train) fn record<'a>(
         &'a self,
         recorder: &mut Recorder,
@@ -57,14 +57,14 @@ impl Coarse {
         let small = Self::camera(camera, factor);
         let pixels = u64::from(small.width) * u64::from(small.height);
         recorder.dispatch(pipeline, &[photograph.buffer, &self.reduced], &push, Groups::Items(pixels))?;
-        // The share of masked pixels is taken to be that of the whole photograph.
+        // The share of masked pixels is taken from the whole photograph.
         let all = f64::from(camera.width) * f64::from(camera.height);
         let values = (f64::from(photograph.values) * pixels as f64 / all) as f32;
         let size = (small.width, small.height);
         Ok(Photograph { buffer: &self.reduced, size, values, part_values: values, ..*photograph })
     }
 
-    /// Bytes of its buffer.
+    /// Bytes of the buffer.
     pub(in crate::train) fn bytes(&self) -> u64 {
         self.reduced.size()
     }

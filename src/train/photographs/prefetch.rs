@@ -1,4 +1,4 @@
-//! Photographs decoded ahead of their use, by threads of their own.
+//! Decodes photographs ahead of their use, in threads.
 
 use std::collections::{HashMap, HashSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -8,7 +8,8 @@ use std::time::Instant;
 
 use crate::dataset::{self, Pixels, Supply};
 
-/// Hands out photographs by number. What [`Feed::look_ahead`] names is decoded before it is asked for, as far as it fits.
+/// Gives decoded photographs by index. The first photographs that [`Feed::look_ahead`] names are decoded before they
+/// are asked for.
 pub(in crate::train) struct Feed {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
@@ -17,35 +18,35 @@ pub(in crate::train) struct Feed {
 
 struct Shared {
     supplies: Vec<Supply>,
-    state: Mutex<State>,
-    /// Something is wanted, or it is over.
+    state: Mutex<FeedState>,
+    /// Signalled when a photograph is wanted, and when the feed is closed.
     work: Condvar,
-    /// Something is decoded.
+    /// Signalled when a photograph is decoded.
     done: Condvar,
 }
 
 #[derive(Default)]
-struct State {
-    /// In the order of their use, each once.
+struct FeedState {
+    /// Photographs to decode, in the order of their use, each once.
     wanted: Vec<usize>,
     ready: HashMap<usize, Result<Arc<Pixels>, dataset::Error>>,
     busy: HashSet<usize>,
-    /// Those wanted that an earlier call has named already.
+    /// Photographs that were wanted before the last call of [`Feed::look_ahead`].
     foreseen: HashSet<usize>,
     counts: FeedCounts,
     closed: bool,
 }
 
-/// How photographs came to where they were needed.
+/// Counts of the photographs that steps asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FeedCounts {
     /// Photographs asked for.
     pub asked: u64,
-    /// Of those, how many still lay where an earlier step was given them.
+    /// Photographs asked for that were still in a staging buffer from an earlier step.
     pub reused: u64,
-    /// Of those asked for, how many had to be waited for.
+    /// Photographs asked for that a step had to wait for.
     pub waited: u64,
-    /// Of those asked for, how many had not been named before the use of another: nothing could be done for them meanwhile.
+    /// Photographs asked for that were not named in time, so that they could not be decoded ahead.
     pub unforeseen: u64,
     /// Photographs decoded.
     pub decoded: u64,
@@ -65,13 +66,14 @@ impl std::ops::Add for FeedCounts {
 }
 
 impl Feed {
-    /// Keeps `ahead` photographs decoded, by up to `threads` threads: none where all are decoded anyway.
+    /// Keeps `ahead` photographs decoded, by up to `threads` threads; by none if all photographs are kept decoded
+    /// anyway.
     pub(in crate::train) fn new(supplies: Vec<Supply>, ahead: usize, threads: usize) -> Self {
         let ahead = ahead.max(1);
         let idle = supplies.iter().all(Supply::is_decoded);
         let shared = Arc::new(Shared {
             supplies,
-            state: Mutex::new(State::default()),
+            state: Mutex::new(FeedState::default()),
             work: Condvar::new(),
             done: Condvar::new(),
         });
@@ -83,12 +85,13 @@ impl Feed {
         Self { threads: (0..threads).filter_map(start).collect(), shared, ahead }
     }
 
-    /// How many are decoded ahead at most; 0 where there is nothing to decode.
+    /// Most photographs decoded ahead; 0 if there is nothing to decode.
     pub(in crate::train) fn ahead(&self) -> usize {
         if self.threads.is_empty() { 0 } else { self.ahead }
     }
 
-    /// The photographs that are needed next, in this order. What is decoded and not among the first of them is dropped.
+    /// Names the photographs that are needed next, in their order. Decoded photographs that are not among the first
+    /// ones named are dropped.
     pub(in crate::train) fn look_ahead(&self, views: &[usize]) {
         if self.threads.is_empty() {
             return;
@@ -96,12 +99,12 @@ impl Feed {
         self.shared.want(views, self.ahead);
     }
 
-    /// A photograph: at once where it is decoded, else as soon as it is.
+    /// A photograph. Waits until it is decoded.
     pub(in crate::train) fn get(&self, view: usize) -> Result<Arc<Pixels>, dataset::Error> {
         self.get_timed(view).map(|(pixels, _)| pixels)
     }
 
-    /// The same, with the seconds that it was waited for; `None` where it was there.
+    /// A photograph with the seconds of waiting; `None` if the photograph was there.
     pub(super) fn get_timed(&self, view: usize) -> Result<(Arc<Pixels>, Option<f64>), dataset::Error> {
         let Some(supply) = self.shared.supplies.get(view) else {
             return Ok((Arc::new(Pixels::Rgba8(Vec::new())), None));
@@ -120,7 +123,7 @@ impl Feed {
             state.wanted.insert(0, view);
             self.shared.work.notify_all();
         }
-        let missing = |state: &mut State| !state.ready.contains_key(&view);
+        let missing = |state: &mut FeedState| !state.ready.contains_key(&view);
         let mut state = self.shared.done.wait_while(state, missing).unwrap_or_else(PoisonError::into_inner);
         let pixels = match state.ready.get(&view) {
             Some(Ok(pixels)) => Ok(pixels.clone()),
@@ -129,14 +132,14 @@ impl Feed {
         Ok((pixels?, (!there).then(|| started.elapsed().as_secs_f64())))
     }
 
-    /// A photograph was needed, and lay elsewhere still.
+    /// Counts a photograph that was asked for and still in a staging buffer.
     pub(super) fn reused(&self) {
         let counts = &mut lock(&self.shared.state).counts;
         counts.asked += 1;
         counts.reused += 1;
     }
 
-    /// So far.
+    /// Counts so far.
     pub(super) fn counts(&self) -> FeedCounts {
         lock(&self.shared.state).counts
     }
@@ -147,7 +150,7 @@ impl Drop for Feed {
         lock(&self.shared.state).closed = true;
         self.shared.work.notify_all();
         for thread in self.threads.drain(..) {
-            // A decoder's panic was caught where it happened.
+            // A panic of a decoder was caught in `Shared::decode`.
             let _ = thread.join();
         }
     }
@@ -162,7 +165,7 @@ impl Shared {
                 state.wanted.push(*view);
             }
         }
-        let State { wanted, ready, .. } = &mut *state;
+        let FeedState { wanted, ready, .. } = &mut *state;
         ready.retain(|view, _| wanted.contains(view));
         self.work.notify_all();
     }
@@ -188,7 +191,7 @@ impl Shared {
         }
     }
 
-    /// A decoder that panics must not leave its photograph waited for.
+    /// Decodes a photograph. A panic of the decoder is an error, else steps would wait for the photograph for ever.
     fn decode(&self, view: usize) -> Result<Arc<Pixels>, dataset::Error> {
         let Some(supply) = self.supplies.get(view) else { return Ok(Arc::new(Pixels::Rgba8(Vec::new()))) };
         catch_unwind(AssertUnwindSafe(|| supply.pixels())).unwrap_or_else(|_| {

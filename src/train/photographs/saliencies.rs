@@ -1,4 +1,4 @@
-//! The soft masks of the photographs on the device: which pixels are texture.
+//! Saliency masks of the photographs on the device: soft masks of texture.
 
 use rayon::prelude::*;
 
@@ -13,19 +13,19 @@ use crate::train::schedule::{Stream, draw};
 use crate::train::settings::Frequencies;
 use crate::vk::{self, Buffer, Gpu, Groups, Memory, Pipeline, Recorder};
 
-/// A mask of reduced size for each view, 8 bits a value, and the values of the pixels of the view of a step.
+/// A mask of reduced size for each view, 8 bits per value, and the saliency of the pixels of a step's view.
 pub(in crate::train) struct Saliencies {
-    masks: Vec<MemoryFootprint>,
+    masks: Vec<MaskBuffer>,
     plane: Buffer,
     spread: Pipeline,
-    /// Of each view: pixels drawn by their mask value, as shares of width and height.
+    /// For each view, pixels drawn by their mask value, as shares of width and height.
     rich: Vec<Vec<[f32; 2]>>,
 }
 
-/// Pixels that are drawn of each view.
+/// Pixels drawn for each view.
 const DRAWN: u64 = 16;
 
-struct MemoryFootprint {
+struct MaskBuffer {
     buffer: Buffer,
     size: (u32, u32),
 }
@@ -34,10 +34,10 @@ impl Saliencies {
     /// For photographs of these cameras; contents undefined.
     pub(in crate::train) fn new(gpu: &Gpu, cameras: &[Camera]) -> Result<Self, vk::Error> {
         let side = Settings::default().side;
-        let held = |camera: &Camera| -> Result<MemoryFootprint, vk::Error> {
+        let held = |camera: &Camera| -> Result<MaskBuffer, vk::Error> {
             let size = Plane::reduced_size(camera.width, camera.height, side);
             let bytes = (u64::from(size.0) * u64::from(size.1)).next_multiple_of(4);
-            Ok(MemoryFootprint { buffer: gpu.buffer("saliency_mask", bytes, Memory::Device)?, size })
+            Ok(MaskBuffer { buffer: gpu.buffer("saliency_mask", bytes, Memory::Device)?, size })
         };
         let pixels = cameras.iter().map(|c| u64::from(c.width) * u64::from(c.height)).max().unwrap_or(1);
         Ok(Self {
@@ -48,7 +48,8 @@ impl Saliencies {
         })
     }
 
-    /// Makes the masks of the photographs and uploads them. Decodes each photograph once, as many at a time as `threads`.
+    /// Makes the masks of the photographs and uploads them. Decodes each photograph once, `threads` photographs at a
+    /// time.
     pub(in crate::train) fn fill(
         &mut self,
         gpu: &Gpu,
@@ -87,14 +88,15 @@ impl Saliencies {
         self.masks.get(view).map(|held| TextureMask { buffer: &held.buffer, size: held.size })
     }
 
-    /// A place in a view, more often where its mask is high; `turn` counts how often the view has been looked at.
+    /// A position in a view as shares of width and height, more often where the mask is high; `turn` counts how often
+    /// the view has been looked at.
     pub(in crate::train) fn place(&self, view: usize, turn: u32) -> [f32; 2] {
         let rich = self.rich.get(view).filter(|rich| !rich.is_empty());
         rich.map_or([0.5; 2], |rich| rich[turn as usize % rich.len()])
     }
 
-    /// Records the saliency of the pixels of a view at the size of `camera`, whose first row is row `top` of `of_height`, and gives it: a
-    /// float per pixel from 0 to 1.
+    /// Records the saliency of the pixels of a view at the size of `camera`, whose first row is row `top` of a
+    /// photograph of `of_height` rows. Returns a float per pixel from 0 to 1.
     pub(in crate::train) fn record(
         &self,
         recorder: &mut Recorder,
@@ -111,7 +113,7 @@ impl Saliencies {
         Ok(&self.plane)
     }
 
-    /// Bytes per pixel of its buffers, and other bytes.
+    /// Bytes of the buffers that depend on pixels, and bytes of the others.
     pub(in crate::train) fn bytes(&self) -> [u64; 2] {
         [self.plane.size(), self.masks.iter().map(|held| held.buffer.size()).sum()]
     }

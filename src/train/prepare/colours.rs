@@ -1,4 +1,4 @@
-//! Colours of points that have none of their own: those of the photographs that see them.
+//! Colours for points without colours, taken from the photographs that see the points.
 
 use std::sync::Arc;
 
@@ -10,25 +10,26 @@ use crate::scene::{Camera, Gaussians, init};
 use crate::train::Error;
 use crate::train::input::{Coloured, Input};
 
-/// Photographs that a point takes its colour from, at most: the nearest, which see it best and between which and the point least lies.
+/// Most photographs that a point takes its colour from. The nearest ones see the point best and are least likely
+/// occluded.
 const MOST: usize = 7;
-/// Colour where no photograph says any.
+/// Colour of the points if no photograph sees any.
 const GREY: [u8; 3] = [128; 3];
 
-/// Points to begin with whose colours say nothing.
+/// Points of the first model without colours of their own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Uncoloured {
-    /// What is to be said of them.
+    /// File of the points, and why they have no colours.
     pub colourless: Colourless,
-    /// Places of all points, of which the first splats may be some, in dataset coordinates.
+    /// Positions of all points in dataset coordinates; the first splats may stand for only some of them.
     positions: Vec<[f64; 3]>,
-    /// The points are those of the dataset, which may say who observes them.
+    /// Whether the points are those of the dataset, which may have tracks.
     of_dataset: bool,
 }
 
-/// What a point is seen as.
+/// Depth and colour of a point in a photograph.
 #[derive(Clone, Copy)]
-struct Sample {
+struct ColourSample {
     depth: f32,
     colour: [u8; 3],
 }
@@ -38,11 +39,11 @@ impl Uncoloured {
         Self { colourless, positions, of_dataset }
     }
 
-    /// Gives the first splats of `input`, one for each of the points or of some of them, the colours that the photographs to train on
-    /// have there: the median over the nearest of the photographs that observe a point, or that have the point in their picture where
-    /// nothing says who observes it.
+    /// Gives the first splats of `input`, which stand for all or some of the points, colours from the training
+    /// photographs. The colour of a point is the median over the nearest photographs that observe the point, or,
+    /// without a track, over the nearest photographs into which the point projects.
     pub fn take_colours(self, dataset: &Dataset, input: &mut Input) -> Result<(), Error> {
-        let mut samples: Vec<Vec<Sample>> = vec![Vec::new(); self.positions.len()];
+        let mut samples: Vec<Vec<ColourSample>> = vec![Vec::new(); self.positions.len()];
         let places: Vec<[f64; 3]> = self.positions.iter().map(|p| dataset.frame.to_scene(*p)).collect();
         let trained_on: Vec<usize> = dataset.views_of(Role::Train).map(|(index, _)| index).collect();
         let observers = |point: usize| if self.of_dataset { dataset.tracks.of(point) } else { &[] };
@@ -62,7 +63,8 @@ impl Uncoloured {
         }
         let colours: Vec<Option<[u8; 3]>> = samples.iter().map(|samples| median(samples)).collect();
         let seen = colours.iter().flatten().count();
-        let usual = median(&colours.iter().flatten().map(|c| Sample { depth: 0.0, colour: *c }).collect::<Vec<_>>());
+        let all: Vec<_> = colours.iter().flatten().map(|c| ColourSample { depth: 0.0, colour: *c }).collect();
+        let usual = median(&all);
         let colours: Vec<[u8; 3]> = colours.into_iter().map(|c| c.or(usual).unwrap_or(GREY)).collect();
         paint(&mut input.initial, &colours);
         let (points, colours) = (colours.len(), Arc::new(colours));
@@ -72,14 +74,14 @@ impl Uncoloured {
     }
 }
 
-/// Splats stand for some of the points, as [`spread`] takes them.
+/// Paints splats, which stand for the points chosen by [`spread`].
 fn paint(splats: &mut Gaussians, colours: &[[u8; 3]]) {
     let chosen: Vec<[u8; 3]> = spread(colours, splats.len()).into_iter().copied().collect();
     init::paint(splats, &chosen);
 }
 
-/// What a photograph shows where a point is; nothing where it is masked.
-fn sample(camera: &Camera, pixels: &Pixels, point: [f64; 3]) -> Option<Sample> {
+/// Depth and colour of the pixel at a point; `None` outside the photograph and at masked pixels.
+fn sample(camera: &Camera, pixels: &Pixels, point: [f64; 3]) -> Option<ColourSample> {
     let centre = camera.center();
     let [x, y, z]: [f64; 3] = camera.rotation.map(|row| (0..3).map(|k| row[k] * (point[k] - centre[k])).sum());
     let (u, v) = (camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy);
@@ -92,18 +94,18 @@ fn sample(camera: &Camera, pixels: &Pixels, point: [f64; 3]) -> Option<Sample> {
         Pixels::Rgba8(values) => <[u8; 4]>::try_from(values.get(at..at + 4)?).ok()?,
         Pixels::Rgba16(values) => <[u16; 4]>::try_from(values.get(at..at + 4)?).ok()?.map(|v| (v / 257) as u8),
     };
-    (alpha > 0).then_some(Sample { depth: z as f32, colour: [red, green, blue] })
+    (alpha > 0).then_some(ColourSample { depth: z as f32, colour: [red, green, blue] })
 }
 
-fn keep_nearest(samples: &mut Vec<Sample>) {
+fn keep_nearest(samples: &mut Vec<ColourSample>) {
     if samples.len() > MOST {
         let farthest = (0..samples.len()).max_by(|a, b| samples[*a].depth.total_cmp(&samples[*b].depth));
         farthest.map(|k| samples.swap_remove(k));
     }
 }
 
-/// The median of each channel.
-fn median(samples: &[Sample]) -> Option<[u8; 3]> {
+/// The median of each channel; `None` without samples.
+fn median(samples: &[ColourSample]) -> Option<[u8; 3]> {
     let channel = |k: usize| {
         let mut values: Vec<u8> = samples.iter().map(|sample| sample.colour[k]).collect();
         values.sort_unstable();
@@ -118,16 +120,16 @@ mod tests {
 
     #[test]
     fn a_colour_is_the_median_of_the_nearest_photographs() {
-        let seen = |depth: f32, grey: u8| Sample { depth, colour: [grey, 255 - grey, 7] };
+        let seen = |depth: f32, grey: u8| ColourSample { depth, colour: [grey, 255 - grey, 7] };
         let mut samples = Vec::new();
-        // One of the near ones sees something else, and so do all far ones.
+        // One of the near photographs sees something else, and so do all the far ones.
         for k in 0..20_u8 {
             samples.push(if k < 10 { seen(9.0, 200) } else { seen(1.0 + f32::from(k), if k == 12 { 90 } else { k }) });
             keep_nearest(&mut samples);
         }
         assert_eq!(samples.len(), MOST);
         assert_eq!(median(&[]), None);
-        let near: Vec<Sample> = [3, 250, 4, 5].map(|grey| seen(1.0, grey)).to_vec();
+        let near: Vec<ColourSample> = [3, 250, 4, 5].map(|grey| seen(1.0, grey)).to_vec();
         assert_eq!(median(&near), Some([5, 251, 7]));
     }
 }

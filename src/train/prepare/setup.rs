@@ -1,10 +1,10 @@
-//! Everything that a training needs before its first step, made ready in order, and told as events.
+//! Prepares everything that a training needs before its first step, and reports each stage as an event.
 
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::{First, StereoReport, compute_stereo_priors, first, grow_on, input_within, outline};
+use super::{FirstModel, StereoReport, compute_stereo_priors, first, grow_on, input_within, outline};
 use crate::dataset::{Dataset, Role, Warning};
 use crate::format::LeftOut;
 use crate::perceptual::LpipsWeights;
@@ -15,10 +15,10 @@ use crate::train::tune::{self, Tuned};
 use crate::train::{Error, Input, MemoryPlan, Pacing, Restart, Settings, chosen_variants};
 use crate::vk::Gpu;
 
-/// What happens while a training is made ready.
+/// A stage of the preparation of a training.
 #[derive(Debug)]
 pub enum SetupEvent<'a> {
-    /// Records of the model of `init` cannot be used.
+    /// Some records of the model of `init` cannot be used.
     ModelLeftOut(&'a LeftOut),
     /// How the host's memory is shared.
     HostMemory(&'a HostPlan),
@@ -26,40 +26,40 @@ pub enum SetupEvent<'a> {
     PhotographLeftOut(&'a Warning),
     /// The perceptual loss has no weights of a network, and compares by oriented filters.
     NoPerceptualWeights,
-    /// Stereo begins in so many photographs.
+    /// Stereo begins.
     StereoBegins {
         /// Photographs to train on.
         photographs: usize,
     },
-    /// What is known of depths.
+    /// Depths were taken from stereo or a cloud.
     Depths {
-        /// What stereo or a cloud says.
+        /// The depths found.
         found: &'a StereoReport,
         /// The settings of the training.
         settings: &'a Settings,
         /// Photographs to train on.
         photographs: usize,
     },
-    /// Growth goes on for longer, as depths of only this share of the pixels are known.
+    /// Growth goes on for longer, because few pixels have a depth.
     GrowsLonger {
-        /// From 0 to 1.
+        /// Share of the pixels with a depth, from 0 to 1.
         known: f64,
     },
-    /// Which variants of the passes are used, and why.
+    /// The variants of the passes were chosen.
     Variants(&'a Tuned),
 }
 
-/// What a training is made ready from.
-pub struct Request<'a> {
+/// Inputs of the preparation of a training.
+pub struct SetupRequest<'a> {
     /// The settings, checked.
     pub settings: &'a Settings,
     /// The dataset.
     pub dataset: &'a Dataset,
     /// The network's weights for the perceptual loss.
     pub weights: Option<Arc<LpipsWeights>>,
-    /// Where an interrupted run goes on.
+    /// The state of the interrupted run, if one is resumed.
     pub restart: Option<Restart>,
-    /// Whether photographs are read again in each step, though memory could keep them.
+    /// Whether photographs are read again in each step even if memory could keep them.
     pub keep_no_photographs: bool,
     /// Folder in which timings of variants are kept between runs.
     pub cache: Option<&'a Path>,
@@ -67,28 +67,28 @@ pub struct Request<'a> {
 
 /// A training that is ready for its first step.
 pub struct Setup {
-    /// As requested, with what was left to the photographs and the device.
+    /// The requested settings, completed by what depends on the photographs and the device.
     pub settings: Settings,
-    /// Photographs, first splats, and what is known besides.
+    /// Photographs, first splats and optional inputs.
     pub input: Input,
-    /// Where an interrupted run goes on.
+    /// The state of the interrupted run, if one is resumed.
     pub restart: Option<Restart>,
     /// How the host's memory is shared.
     pub host: HostPlan,
-    /// What was found of depths.
+    /// The depths found.
     pub depths: StereoReport,
     /// Seconds that finding depths took.
     pub stereo_seconds: f64,
 }
 
 impl Setup {
-    /// Makes a training ready; `tell` gets every event when it happens.
-    pub fn prepare(gpu: &Gpu, request: Request<'_>, tell: &mut dyn FnMut(SetupEvent<'_>)) -> Result<Self, Error> {
+    /// Prepares a training, and calls `tell` with every event when it happens.
+    pub fn prepare(gpu: &Gpu, request: SetupRequest<'_>, tell: &mut dyn FnMut(SetupEvent<'_>)) -> Result<Self, Error> {
         let (dataset, weights, cache) = (request.dataset, request.weights.clone(), request.cache);
         let mut setup = Self::with_photographs(gpu, request, tell)?;
         setup.take_weights(weights, tell);
         setup.look_for_depths(gpu, dataset, tell)?;
-        // A run that goes on has decided.
+        // A resumed run has decided already.
         if setup.restart.is_none() {
             setup.decide_by_photographs(tell);
             setup.choose_variants(gpu, cache, tell)?;
@@ -96,13 +96,17 @@ impl Setup {
         Ok(setup)
     }
 
-    /// Takes in the photographs, as far as the host's memory keeps them, and the first splats.
-    fn with_photographs(gpu: &Gpu, request: Request<'_>, tell: &mut dyn FnMut(SetupEvent<'_>)) -> Result<Self, Error> {
-        let Request { settings, dataset, restart, keep_no_photographs, .. } = request;
-        let First { splats: initial, uncoloured, left_out } = match &restart {
-            // Its splats are those of the checkpoint: the file of the first ones may be gone.
+    /// Reads the photographs, keeps as many as host memory allows, and makes the first splats.
+    fn with_photographs(
+        gpu: &Gpu,
+        request: SetupRequest<'_>,
+        tell: &mut dyn FnMut(SetupEvent<'_>),
+    ) -> Result<Self, Error> {
+        let SetupRequest { settings, dataset, restart, keep_no_photographs, .. } = request;
+        let FirstModel { splats: initial, uncoloured, left_out } = match &restart {
+            // The checkpoint has the splats, and the file of the first model may be gone.
             Some(_) if settings.run.init.is_some() => {
-                First { splats: Gaussians::default(), uncoloured: None, left_out: None }
+                FirstModel { splats: Gaussians::default(), uncoloured: None, left_out: None }
             }
             _ => first(dataset, settings)?,
         };
@@ -116,7 +120,7 @@ impl Setup {
         tell(SetupEvent::HostMemory(&host));
         let mut input = input_within(dataset, initial, host.share)?;
         input.optional.left_out.iter().for_each(|warning| tell(SetupEvent::PhotographLeftOut(warning)));
-        // Before depths take their time.
+        // Checked before stereo, which takes long.
         if let Some(before) = restart.as_ref().and_then(|restart| restart.trained_on.as_ref()) {
             before.check_views(&input.train)?;
         }
@@ -130,7 +134,7 @@ impl Setup {
         Ok(Self { settings, input, restart, host, depths, stereo_seconds: 0.0 })
     }
 
-    /// Takes weights for the perceptual loss.
+    /// Takes over the weights of the perceptual loss.
     fn take_weights(&mut self, weights: Option<Arc<LpipsWeights>>, tell: &mut dyn FnMut(SetupEvent<'_>)) {
         if self.settings.texture.lambda_perceptual > 0.0 && weights.is_none() {
             tell(SetupEvent::NoPerceptualWeights);
@@ -138,7 +142,7 @@ impl Setup {
         self.input.optional.perceptual = weights;
     }
 
-    /// Takes what stereo or a cloud says of depths.
+    /// Takes depths from stereo or a cloud.
     fn look_for_depths(
         &mut self,
         gpu: &Gpu,
@@ -160,15 +164,15 @@ impl Setup {
         Ok(())
     }
 
-    /// Decides what the settings leave to the photographs: how long splats grow.
+    /// Decides how long splats grow, which may depend on the photographs.
     fn decide_by_photographs(&mut self, tell: &mut dyn FnMut(SetupEvent<'_>)) {
         if let Some(known) = grow_on(&self.input, &mut self.settings) {
             tell(SetupEvent::GrowsLonger { known });
         }
     }
 
-    /// Chooses the variants of the passes and puts them into the settings where a repetition needs them: where they belong to equal
-    /// bits, and where they were chosen by timing.
+    /// Chooses the variants of the passes. Writes them into the settings if a repeated run needs them there: for a
+    /// deterministic training, and if they were chosen by timing.
     fn choose_variants(
         &mut self,
         gpu: &Gpu,
@@ -185,7 +189,7 @@ impl Setup {
         Ok(())
     }
 
-    /// Whether the first splats come of the dataset's points, and of what stereo adds.
+    /// Whether the first splats are made from the dataset's points and from the points that stereo adds.
     pub fn is_from_points(&self) -> bool {
         self.settings.run.init.is_none() && self.restart.is_none()
     }

@@ -1,4 +1,4 @@
-//! What stereo and a cloud say of the views of a training.
+//! Depths, normals and first splats from stereo or a cloud.
 
 use std::sync::Arc;
 
@@ -19,24 +19,26 @@ use crate::train::settings::{DepthPrior, Geometry, LidarCloud, Settings};
 use crate::train::tune::chosen_variants;
 use crate::vk::Gpu;
 
-/// Standard deviation of a splat of a skirt, as a share of the distance to its neighbours: so that they cover what is between them.
+/// Standard deviation of a splat of a skirt over the distance to its neighbours, so that splats cover the gaps between
+/// them.
 const SKIRT_WIDTH: f64 = 0.75;
 const SKIRT_OPACITY: f64 = 0.9;
 
-/// What was found.
+/// Depths and splats found by stereo or in a cloud.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StereoReport {
-    /// Views of which something is known, or will be where depths are propagated.
+    /// Views with depths, or views that can get depths by propagation.
     pub views: usize,
-    /// Share of their pixels that have a depth.
+    /// Share of the pixels of those views that have a depth.
     pub share: f64,
-    /// Pixels on the longer side of the photographs as they were matched, where `--stereo-share` made these smaller than `--stereo-side`.
+    /// Pixels on the longer side of the matched photographs, if `stereo-share` made them smaller than `stereo-side`.
     pub reduced_to: Option<u32>,
-    /// Area of the surfaces of which depths are known, in units of a photograph (see [`stereo::surface`]), where the number of splats goes by it.
+    /// Area of the surfaces with depths in units of a photograph ([`stereo::surface`]), if the number of splats depends
+    /// on it.
     pub surface: Option<f64>,
-    /// Splats that the model begins with besides those of the reconstructed points.
+    /// First splats on surfaces, besides those of the reconstructed points.
     pub splats: usize,
-    /// Views of which nothing is known, by their positions among those that are trained on.
+    /// Training views without a depth.
     pub skipped: Vec<Skipped>,
     /// The cloud that growth keeps to.
     pub cloud: Option<CloudReport>,
@@ -47,17 +49,18 @@ pub struct StereoReport {
 /// A cloud that growth keeps to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CloudReport {
-    /// Its points.
+    /// Points of the cloud.
     pub points: usize,
-    /// How near splats have to be, in the dataset's units.
+    /// Distance within which splats may grow, in the dataset's units.
     pub within: f64,
-    /// Share of the splats to begin with that are.
+    /// Share of the first splats within that distance.
     pub near: f64,
 }
 
-/// Fills in the depths and normals that the settings ask for, splats on them, up to half of those there may be, and the cloud that growth keeps
-/// to. The same for the same photographs, on the same device. `dataset` is that of the input. Photographs that are not kept decoded are
-/// decoded in turns, as `share` has room for them. `begins` is false where the model comes from elsewhere.
+/// Adds to `input` the depths and normals that the settings ask for, splats on surfaces, and the cloud that growth
+/// keeps to. Reproducible for the same photographs on the same device. `dataset` is that of the input. Photographs that
+/// are not kept decoded are decoded in turns, as many at a time as `share` has room for. `begins` is false if the model
+/// comes from a file or a checkpoint; then no splats are added.
 pub fn compute_stereo_priors(
     gpu: &Gpu,
     dataset: &Dataset,
@@ -68,7 +71,7 @@ pub fn compute_stereo_priors(
 ) -> Result<StereoReport, Error> {
     let settings = &training.geometry;
     let mut report = StereoReport::default();
-    // What is wrong with a file is told before stereo takes its time.
+    // A faulty file is an error before stereo, which takes long.
     let mut cloud = match &training.density.lidar {
         Some(LidarCloud::File(file)) => {
             let (positions, left_out) = cloud::read_with(file, training.photographs.strict)?;
@@ -84,7 +87,7 @@ pub fn compute_stereo_priors(
             let whole = sizes(input).map(|(width, height)| width.max(height)).max().unwrap_or(0).min(wanted.max_side);
             wanted = stereo_settings(training, sizes(input));
             report.reduced_to = (wanted.max_side < whole).then_some(wanted.max_side);
-            Some(Stereo::matched(gpu, dataset, input, training, &wanted, share)?)
+            Some(MatchedViews::matched(gpu, dataset, input, training, &wanted, share)?)
         }
         false => None,
     };
@@ -106,7 +109,7 @@ pub fn compute_stereo_priors(
             }
         }
     }
-    if let Some(Stereo { scene, priors }) = matched.as_ref().filter(|_| settings.stereo_skirt > 0.0) {
+    if let Some(MatchedViews { scene, priors }) = matched.as_ref().filter(|_| settings.stereo_skirt > 0.0) {
         let points = stereo::skirt(&scene.views, priors, settings.stereo_skirt);
         input.optional.skirt = skirt_splats(&points, settings.stereo_thickness)?.map(Arc::new);
     }
@@ -135,12 +138,12 @@ pub fn compute_stereo_priors(
     Ok(report)
 }
 
-/// How many splats to add on the surfaces that stereo has found.
+/// Number of splats to add on the surfaces that stereo has found.
 fn more_on_surfaces(
     gpu: &Gpu,
     input: &Input,
     training: &Settings,
-    found: &Stereo,
+    found: &MatchedViews,
     report: &mut StereoReport,
 ) -> Result<usize, Error> {
     let points = input.initial.len() as u32;
@@ -152,8 +155,13 @@ fn more_on_surfaces(
     Ok(splats_on_surfaces(points, report.surface.unwrap_or(0.0), side, fit, training) as usize)
 }
 
-/// Depths and normals of the views to train with, from what stereo has found, or else from the cloud.
-fn priors_of(settings: &Geometry, input: &Input, found: Option<Stereo>, cloud: Option<&[[f64; 3]]>) -> Vec<Prior> {
+/// Depths and normals of the training views, from stereo or else from the cloud.
+fn priors_of(
+    settings: &Geometry,
+    input: &Input,
+    found: Option<MatchedViews>,
+    cloud: Option<&[[f64; 3]]>,
+) -> Vec<Prior> {
     match (settings.depth_prior, found, cloud) {
         (DepthPrior::None | DepthPrior::Propagation, ..) => Vec::new(),
         (DepthPrior::Lidar, None, Some(cloud)) => {
@@ -167,7 +175,7 @@ fn priors_of(settings: &Geometry, input: &Input, found: Option<Stereo>, cloud: O
     }
 }
 
-/// Has growth keep to a cloud.
+/// Limits growth to places near a cloud.
 fn keep_growth_to(
     cloud: &[[f64; 3]],
     dataset: &Dataset,
@@ -185,7 +193,7 @@ fn keep_growth_to(
     })
 }
 
-/// The views without a depth: those that stereo has left out, with its reason, and the others with this one.
+/// The views without a depth: those that stereo left out, with the reason of stereo, and the others with `otherwise`.
 fn without_depth(input: &Input, priors: &[Prior], left_out: &[Skipped], otherwise: WithoutDepth) -> Vec<Skipped> {
     let unknown = input.train.iter().zip(priors).enumerate().filter(|(_, (_, prior))| !is_known(prior));
     let named = |(view, (of, _)): (usize, (&input::View, _))| {
@@ -200,19 +208,21 @@ fn is_known(prior: &Prior) -> bool {
     prior.depth.iter().any(|d| *d > 0.0)
 }
 
-/// Sizes of the photographs that are trained on.
+/// Sizes of the training photographs.
 fn sizes(input: &Input) -> impl Iterator<Item = (u32, u32)> {
     input.train.iter().map(|view| (view.camera.width, view.camera.height))
 }
 
-/// Under `--max-splats`, the share of it that reconstructed points leave to splats on surfaces, if they have to.
+/// Share of `max-splats` that is left to splats on surfaces if there are more reconstructed points.
 const SURFACES_UNDER_A_LIMIT: f64 = 0.5;
 
-/// The most splats that stereo adds on a [`stereo::surface`] to `points` before the first step. `side` is the [`longer_side`] of the
-/// photographs. Where their size or the surface asks for many, room is left to grow among the splats that `fit` into memory.
+/// The most splats that stereo adds on surfaces before the first step, to a model of `points` splats. `surface` is the
+/// [`stereo::surface`], `side` the [`longer_side`] of the photographs, `fit` the number of splats that memory has room
+/// for. If large photographs or surfaces ask for many splats, half of `fit` is left for growth.
 ///
-/// `--max-splats` leaves no such room where the lightest splats give theirs to growth (`--recycle-share`): those that begin where the
-/// surface is are worth more than what would grow in their place. Points go first where both are too many.
+/// Half of `max-splats` is left for growth too, but not with `recycle-share`: the lightest splats then make room for
+/// growth, and splats that begin on a surface are worth more than splats grown later. If points and splats on surfaces
+/// are too many together, points are left out first.
 pub fn splats_on_surfaces(points: u32, surface: f64, side: f64, fit: u32, settings: &Settings) -> u32 {
     let geometry = &settings.geometry;
     let times = |count: u32, factor: f64| (f64::from(count) * factor).round() as u32;
@@ -236,13 +246,14 @@ pub fn splats_on_surfaces(points: u32, surface: f64, side: f64, fit: u32, settin
     wanted.min(room)
 }
 
-/// How many times the splats of a training of 1,750 steps one of so many may begin with. What other methods grow is the fewer the shorter
-/// they train, at any size of the photographs, and surfaces are to begin with less than that.
+/// Factor for the first splats of a training of `steps` steps, relative to 1,750 steps. Shorter trainings of other
+/// methods grow fewer splats at any size of the photographs, and a model should begin with fewer splats than those
+/// grow.
 fn learned_in(steps: u32) -> f64 {
     (f64::from(steps) / 1750.0).sqrt()
 }
 
-/// Pixels on the longer side of photographs of these sizes, in the mean.
+/// Mean number of pixels on the longer side of photographs of these sizes.
 pub fn longer_side(photographs: impl IntoIterator<Item = (u32, u32)>) -> f64 {
     let (mut views, mut pixels) = (0_u32, 0.0);
     for (width, height) in photographs {
@@ -252,7 +263,7 @@ pub fn longer_side(photographs: impl IntoIterator<Item = (u32, u32)>) -> f64 {
     pixels / f64::from(views.max(1))
 }
 
-/// What the training views see, and which of them can be compared.
+/// The training views for stereo, and which views can be compared with which.
 fn scene(dataset: &Dataset, input: &Input, wanted: &stereo::Settings, share: &HostShare) -> Result<Scene, Error> {
     let seen = observations(dataset, input, wanted);
     let bytes = |view: &input::View| {
@@ -269,13 +280,13 @@ fn observations(dataset: &Dataset, input: &Input, wanted: &stereo::Settings) -> 
     Observations::of(dataset, &chosen, wanted.seed.into())
 }
 
-/// The views and what stereo found of them.
-struct Stereo {
+/// The matched views, with their depths and normals.
+struct MatchedViews {
     scene: Scene,
     priors: Vec<Prior>,
 }
 
-impl Stereo {
+impl MatchedViews {
     fn matched(
         gpu: &Gpu,
         dataset: &Dataset,
@@ -291,8 +302,8 @@ impl Stereo {
     }
 }
 
-/// Adds `more` splats on surfaces, or as many as there are points, to those that a model begins with, as wide, flat and opaque as is
-/// asked for; gives how many. With them there are no more than `--max-splats`.
+/// Adds `more` splats on surfaces, at most as many as there are fused points, to the first model, and returns how many.
+/// Width, thickness and opacity are those of the settings. Reconstructed points are left out beyond `max-splats`.
 fn begin_on(
     fused: &[FusedPoint],
     more: usize,
@@ -306,7 +317,7 @@ fn begin_on(
     }
     let room = settings.density.max_splats.map_or(usize::MAX, |most| most as usize).saturating_sub(chosen.len());
     let kept = spread(dataset.usable_points(), room);
-    // Points without colours of their own have been given some.
+    // Points without colours have got colours from photographs.
     let painted = input.optional.coloured.as_ref().map(|coloured| spread(&coloured.colours, room));
     let colour = |k: usize| painted.as_ref().and_then(|all| all.get(k)).map_or(kept[k].colour, |colour| **colour);
     let reconstructed = kept.iter().enumerate().map(|(k, p)| (p.position, colour(k)));
@@ -320,7 +331,7 @@ fn begin_on(
     Ok(chosen.len())
 }
 
-/// Splats that cover what lies between points of a skirt.
+/// Splats on the points of a skirt that cover the gaps between them.
 fn skirt_splats(points: &[SkirtPoint], thickness: f64) -> Result<Option<Gaussians>, Error> {
     if points.is_empty() {
         return Ok(None);

@@ -1,22 +1,23 @@
-//! Where stereo saves its time: settings that fit a training, and pixels that it leaves out.
+//! Limits the time of stereo: settings that fit the training, and pixels that are left out.
 
 use crate::saliency::{self, Cache, Plane};
 use crate::stereo::{self, Budget, Scene};
 use crate::train::Error;
 use crate::train::settings::Settings;
 
-/// What a step of `3dgs` takes, in samples of stereo: so many for each pixel of its photograph, and as many again as for [`STEP_PIXELS`] for
-/// what does not depend on pixels. On lavapipe the 1.2 10^9 samples of caliterra's 65 photographs took 4.2 % of 1,500 such steps at
-/// 320x240, those of the fox (0.58 10^9) 2.7 %, of copr (0.53 10^9) 2.4 % and of the test world (1.0 10^9) 5.8 %: 76 to 121 in a step.
+/// Time of a step of `3dgs` in samples of stereo: this many for each pixel of the photograph and for [`STEP_PIXELS`]
+/// more pixels. Measured on lavapipe against 1,500 steps at 320x240: the 1.2 10^9 samples of caliterra's 65 photographs
+/// took 4.2 %, those of the fox (0.58 10^9) 2.7 %, of copr (0.53 10^9) 2.4 % and of the test world (1.0 10^9) 5.8 %.
 const STEP_SAMPLES: f64 = 80.0;
+/// Pixels that stand for the part of a step's time that does not depend on pixels.
 const STEP_PIXELS: f64 = 76_800.0;
-/// Samples that any training has time for: some seconds of a processor.
+/// Samples that every training has time for: a few seconds on a CPU.
 const LEAST_SAMPLES: f64 = 1e9;
-/// Photographs become smaller down to this share of `--stereo-side` before sweeps, sources and rounds become fewer.
+/// Photographs are reduced down to `stereo-side` / this before sweeps, sources and rounds become fewer.
 const SMALLER: u32 = 2;
 
-/// How stereo works in a training on photographs of these sizes: as its settings say, or so much cheaper that it takes at most
-/// `--stereo-share` of the time of the steps, but for a few seconds.
+/// The settings of stereo for a training on photographs of these sizes: those of the training, or cheaper ones with
+/// which stereo takes at most `stereo-share` of the time of the steps or a few seconds.
 pub fn stereo_settings(training: &Settings, photographs: impl IntoIterator<Item = (u32, u32)>) -> stereo::Settings {
     let settings = training.geometry.stereo();
     let (mut views, mut pixels, mut largest) = (0, 0.0, (0, 0));
@@ -34,7 +35,8 @@ pub fn stereo_settings(training: &Settings, photographs: impl IntoIterator<Item 
     budget.fitting(&settings, settings.max_side / SMALLER, views, largest.0, largest.1)
 }
 
-/// Has stereo leave out pixels whose mask value is `--stereo-texture` and more, by masks of the photographs at its own size.
+/// Leaves pixels out of stereo whose mask value is at least `stereo-texture`, by saliency masks at the size of the
+/// matched photographs.
 pub(super) fn leave_out_texture(scene: &mut Scene, training: &Settings) -> Result<(), Error> {
     let (from, frequencies) = (training.geometry.stereo_texture, &training.frequencies);
     if from >= 1.0 {

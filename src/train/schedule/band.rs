@@ -1,5 +1,5 @@
-//! Bands of a photograph. The gradients of all bands add up to the gradient of the photograph, except that SSIM compares no
-//! pixels past the ends of a band.
+//! Bands of a photograph. The gradients of all bands add up to the gradient of the photograph, except that SSIM
+//! compares no pixels past the ends of a band.
 
 /// A band begins at a multiple of this many rows, which is the height of a tile.
 const GRAIN: u32 = 16;
@@ -16,8 +16,8 @@ pub struct Band {
 }
 
 impl Band {
-    /// The first row and the number of rows of the band in a photograph with `height` rows. The bands cover the photograph
-    /// without overlap. If the photograph is too low for `of` bands, it has fewer, and indices wrap around.
+    /// The first row and the number of rows of the band in a photograph with `height` rows. The bands cover the
+    /// photograph without overlap. If the photograph is too low for `of` bands, it has fewer, and indices wrap around.
     pub fn rows(self, height: u32) -> (u32, u32) {
         let of = self.of.min(height / FEWEST).max(1);
         let (index, grains) = (u64::from(self.index % of), u64::from(height.div_ceil(GRAIN)));

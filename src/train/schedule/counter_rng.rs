@@ -11,8 +11,8 @@ pub(in crate::train) enum Stream {
     Places = 3,
 }
 
-/// The random number of (stream, major, minor): the 64-bit finaliser of SplitMix (Steele, Lea, Flood 2014) over each part in
-/// turn.
+/// The random number of (stream, major, minor): the 64-bit finaliser of SplitMix (Steele, Lea, Flood 2014) over each
+/// part in turn.
 pub(in crate::train) fn draw(seed: u64, stream: Stream, major: u64, minor: u64) -> u64 {
     [stream as u64, major, minor].into_iter().fold(hash(seed), |state, part| hash(state ^ hash(part)))
 }

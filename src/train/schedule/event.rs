@@ -13,8 +13,8 @@ pub enum Kind {
     Reset,
 }
 
-/// One event. Events are ordered and numbered, and the schedule alone decides which events exist, so a lost event can be found
-/// and replayed from its number.
+/// One event. Events are ordered and numbered, and the schedule alone decides which events exist, so a lost event can
+/// be found and replayed from its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Event {
     /// Training step, from 1.

@@ -22,8 +22,8 @@ pub struct Beside {
 }
 
 impl PerceptualStep {
-    /// A step that carries the weight of `times` steps and looks at `view`, and at the first `most` of `before`: the views
-    /// of earlier steps, the latest first. No view is looked at twice.
+    /// A step that carries the weight of `times` steps and looks at `view`, and at the first `most` of `before`: the
+    /// views of earlier steps, the latest first. No view is looked at twice.
     pub(super) fn new(times: f64, view: usize, before: impl Iterator<Item = Beside>, most: usize) -> Self {
         let mut found: Vec<Beside> = Vec::new();
         for other in before.take(most.min(MOST_BESIDE)) {

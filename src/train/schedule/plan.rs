@@ -27,7 +27,8 @@ pub enum Adam {
 pub struct DensityChange {
     /// Whether splats that are large in the scene are pruned too.
     pub prune_large: bool,
-    /// Whether every photograph was looked at since the last change: a splat unseen since then is seen by no photograph.
+    /// Whether every photograph was looked at since the last change: a splat unseen since then is seen by no
+    /// photograph.
     pub sees_all: bool,
 }
 
@@ -55,8 +56,9 @@ pub struct StepPlan {
     pub adam_steps_opacities: u32,
     /// ... and of all other parameters.
     pub adam_steps: u32,
-    /// Whether, after this step, splats that have missed optimiser steps make up for them. The schedule asks for it before
-    /// rows move and before the stored step of a splat wraps around; the trainer adds what its host actions ask for.
+    /// Whether, after this step, splats that have missed optimiser steps make up for them. The schedule asks for it
+    /// before rows move and before the stored step of a splat wraps around; the trainer adds what its host actions ask
+    /// for.
     pub catch_up: bool,
     /// Learning rate of the photograph's exposure.
     pub lr_exposure: f64,

@@ -51,9 +51,9 @@ pub(super) struct RateSchedule {
 }
 
 impl RateSchedule {
-    /// The published rates are for the published number of steps. Adam moves a parameter by about its rate in a step, so in
-    /// fewer steps at the published rates parameters do not get as far. Runs with a scaled schedule begin with higher rates,
-    /// and the rates fall so that parameters can settle.
+    /// The published rates are for the published number of steps. Adam moves a parameter by about its rate in a step,
+    /// so in fewer steps at the published rates parameters do not get as far. Runs with a scaled schedule begin with
+    /// higher rates, and the rates fall so that parameters can settle.
     pub(super) fn new(settings: &Settings, means_steps: u32) -> Self {
         let (run, optimiser) = (&settings.run, &settings.optimiser);
         let fewer = fewer(settings);

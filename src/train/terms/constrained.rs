@@ -1,5 +1,5 @@
-//! The constrained set beside the full one: the splats that were there at the end of the low-frequency stage are rendered alone,
-//! for the same view, and their gradient maps compared with the photograph's.
+//! The loss of the constrained set: the splats that were there at the end of the low-frequency stage are also rendered
+//! alone, and gradient maps of that render are compared with those of the photograph.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::vk::{self, Buffer, Gpu, Memory, Pipeline, Recorder, slices};
 /// Bytes of the gradients of a projected splat.
 const ROW: u64 = 48;
 
-/// Room for the gradients of the constrained set while the full one is rendered.
+/// Keeps the gradients of the constrained set while all splats are rendered.
 pub(super) struct Constrained {
     maps: Arc<GradientMapLoss>,
     weight: f64,
@@ -34,14 +34,14 @@ impl Constrained {
         })
     }
 
-    /// Room for as many splats; what is there is lost.
+    /// Makes room for `splats` splats; contents are lost.
     pub(super) fn resize(&mut self, gpu: &Gpu, splats: u32) -> Result<(), vk::Error> {
         self.kept = room(gpu, splats)?;
         Ok(())
     }
 
-    /// Records the render of the constrained set, and keeps the gradients of the correlation of its gradient maps with the photograph's.
-    /// Overwrites the target and the gradient of the image.
+    /// Records the render of the constrained set, and keeps the gradients of the correlation of gradient maps between
+    /// that render and the photograph. Overwrites the target and the image gradient.
     fn record_keep(&self, recorder: &mut Recorder, step: &StepContext<'_>) -> Result<(), vk::Error> {
         let lists = step.record_constrained_forward(recorder)?;
         recorder.fill(step.grad_image, 0)?;
@@ -55,7 +55,7 @@ impl Constrained {
         recorder.dispatch(&self.keep, &[counts, tile_counts, grad2d, kept], &(), renderer.per_splat())
     }
 
-    /// Records adding what is kept to the gradients of the full set's projected splats.
+    /// Records adding the kept gradients to the gradients of the projected splats.
     fn record_add(&self, recorder: &mut Recorder, renderer: &Renderer) -> Result<(), vk::Error> {
         let Some(grad2d) = renderer.grad2d() else { return Ok(()) };
         let [counts, tile_counts, kept] = slices([&renderer.counters, &renderer.tile_counts, &self.kept]);

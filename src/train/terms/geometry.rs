@@ -1,4 +1,4 @@
-//! Depth and normals against priors.
+//! The loss on depth and normals, against priors.
 
 use super::{LossTerm, Phase, StepContext};
 use crate::loss::{self, Edges, GeometryLoss, GeometryWeights, PackedPrior, Rendered};
@@ -11,20 +11,20 @@ use crate::train::settings::Geometry as Settings;
 use crate::train::state::State;
 use crate::vk::{self, Buffer, Gpu, Memory, Recorder};
 
-/// Priors of all views on the device, and the loss that compares with them.
+/// Priors of all views on the device, and the loss that compares renders with the priors.
 pub(in crate::train) struct Geometry {
     priors: Vec<ViewPrior>,
     loss: GeometryLoss,
     settings: Settings,
-    /// Whether priors change while training goes on, and are a part of its state.
+    /// Whether priors change during the training, and are part of its state.
     propagated: bool,
 }
 
-/// What is known of a view.
+/// Depth and normals of a view on the device.
 struct ViewPrior {
     buffer: Buffer,
     size: (u32, u32),
-    /// Median depth; 0 where nothing is known.
+    /// Median depth; 0 for a view without a prior.
     median: f32,
 }
 
@@ -35,7 +35,7 @@ impl ViewPrior {
 }
 
 impl Geometry {
-    /// For views of these cameras, nothing being known of any.
+    /// For views of these cameras, all without a prior.
     pub(in crate::train) fn new(gpu: &Gpu, cameras: &[Camera], settings: &Settings) -> Result<Self, vk::Error> {
         let known = |camera: &Camera| -> Result<ViewPrior, vk::Error> {
             let size = settings.prior_size(camera.width, camera.height);
@@ -51,7 +51,7 @@ impl Geometry {
         })
     }
 
-    /// Uploads what is known of the views; what is missing or of another size stays unknown.
+    /// Uploads the priors of the views. A view whose prior is missing or has another size stays without one.
     pub(in crate::train) fn fill(&mut self, gpu: &Gpu, input: &OptionalInput) -> Result<(), Error> {
         self.propagated = input.scene.is_some();
         for (view, prior) in input.priors.iter().enumerate() {
@@ -62,7 +62,7 @@ impl Geometry {
         Ok(())
     }
 
-    /// Uploads what is known of a view; what is of another size stays unknown.
+    /// Uploads the prior of a view. A prior of another size is ignored.
     pub(in crate::train) fn set(&mut self, gpu: &Gpu, view: usize, prior: &Prior) -> Result<(), Error> {
         let Some(known) = self.priors.get_mut(view).filter(|k| k.size == (prior.width, prior.height)) else {
             return Ok(());
@@ -73,8 +73,8 @@ impl Geometry {
         Ok(gpu.write(&known.buffer, &packed.words)?)
     }
 
-    /// What is known of all views, where that changes: for each the median as bits and the prior's words, zeros where nothing is known.
-    /// Waits.
+    /// The priors of all views, if priors change: for each view the bits of the median and the words of the prior,
+    /// zeros without a prior. Waits.
     fn state(&self, gpu: &Gpu) -> Result<Vec<u32>, vk::Error> {
         let mut out = Vec::new();
         if !self.propagated {
@@ -91,7 +91,7 @@ impl Geometry {
         Ok(out)
     }
 
-    /// Takes back what [`Self::state`] gave.
+    /// Restores a state of [`Self::state`].
     fn take_back(&mut self, gpu: &Gpu, state: &[u32]) -> Result<(), Error> {
         if !self.propagated {
             return Ok(());
@@ -110,7 +110,7 @@ impl Geometry {
         Ok(())
     }
 
-    /// Whether anything is known of a view.
+    /// Whether a view has a prior.
     fn knows(&self, view: usize) -> bool {
         self.priors.get(view).is_some_and(|known| known.median > 0.0)
     }
@@ -143,7 +143,7 @@ impl LossTerm for Geometry {
         true
     }
 
-    /// Adds to the gradient of the transmittance, and writes that of depth and normals.
+    /// Adds to the gradient of the transmittance, and writes the gradient of depth and normals.
     fn record<'a>(&'a self, _: Phase, recorder: &mut Recorder, step: &mut StepContext<'a>) -> Result<(), Error> {
         let known = self.priors.get(step.view).ok_or(Error::NoViews)?;
         let prior = loss::Prior { buffer: &known.buffer, size: known.size, median: known.median };

@@ -8,7 +8,7 @@ use crate::train::Error;
 use crate::train::settings::Texture as Weights;
 use crate::vk::{Gpu, Recorder};
 
-/// Width and height of a window, where photographs are not smaller.
+/// Most pixels of a window's width and height.
 const SIDE: u32 = 128;
 
 /// A network on the device with room for a window.
@@ -27,7 +27,8 @@ pub(in crate::train) struct Window {
 }
 
 impl Perceptual {
-    /// By the weights of LPIPS, or by oriented filters where there are none, for photographs of at least `least` pixels in width and height.
+    /// Compares by LPIPS with the weights of `network`, else by oriented filters, for photographs of at least `least`
+    /// pixels in width and height.
     pub(in crate::train) fn new(
         gpu: &Gpu,
         network: Option<&LpipsWeights>,
@@ -42,7 +43,8 @@ impl Perceptual {
         Ok(Self { windows: distance.windows(side, side, true)?, weight: weights.lambda_perceptual })
     }
 
-    /// The window of a view, about its `center`. A photograph with 16 bits per channel, or smaller than the window, has none.
+    /// The window around the step's `center`. A photograph with 16 bits per channel, or smaller than the window, has
+    /// none.
     pub(in crate::train) fn window(&self, step: &StepContext<'_>) -> Option<Window> {
         let (side, size) = (self.windows.size().0, step.photograph.size);
         if step.photograph.bits != 8 || size.0.min(size.1) < side {
@@ -53,7 +55,8 @@ impl Perceptual {
         Some(Window { at: (corner(x, size.0), corner(y, size.1)), side })
     }
 
-    /// Records adding the gradient of a window of a step, whose image and gradient are whole, or of the window alone where `cropped`.
+    /// Records adding the gradient of a window. The step's image and gradient are whole, or those of the window if
+    /// `cropped`.
     pub(in crate::train) fn record_window(
         &self,
         recorder: &mut Recorder,

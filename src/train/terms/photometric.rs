@@ -1,4 +1,4 @@
-//! Colours of the render as the photograph would show it against those of the photograph, in every step.
+//! Colours of the exposed render against those of the photograph, in every step.
 
 use super::{LossTerm, Phase, StepContext};
 use crate::loss::{PhotometricLoss, PixelWeights};
@@ -11,7 +11,7 @@ use crate::vk::{self, Buffer, Gpu, Recorder};
 /// The comparison with the weights of its pixels.
 pub(in crate::train) struct Photometric {
     loss: PhotometricLoss,
-    /// Weights of saliency 0 and of 1 in the low-frequency stage, where these differ.
+    /// Weights of pixels with saliency 0 and 1 in the low-frequency stage, if they differ.
     of_low_stage: Option<[f32; 2]>,
 }
 
@@ -26,7 +26,7 @@ impl Photometric {
         })
     }
 
-    /// Weights of the saliency of pixels in a step, where they have any.
+    /// Weights of pixels with saliency 0 and 1 in a step; `None` if saliency does not matter.
     pub(super) fn weights_of(&self, plan: &StepPlan) -> Option<[f32; 2]> {
         self.of_low_stage.filter(|[low, high]| plan.low && high != low)
     }

@@ -1,4 +1,4 @@
-//! Renders that are kept for learning the width of the saliency filter. They add nothing to the gradients.
+//! Keeps renders for learning the width of the saliency filter. Adds nothing to the gradients.
 
 use super::{LossTerm, Phase, StepContext};
 use crate::raster::MemoryFootprint;
@@ -38,7 +38,7 @@ impl LossTerm for SigmaTraining {
         if state.sigma.is_empty() { Ok(()) } else { self.take_back(&state.sigma) }
     }
 
-    /// The host's side holds them.
+    /// The renders are kept in host memory.
     fn footprint(&self) -> MemoryFootprint {
         MemoryFootprint::default()
     }

@@ -8,16 +8,17 @@ use crate::train::schedule::Kind;
 use crate::vk::{SubmitSync, Ticket};
 
 impl Trainer {
-    /// Submits the next step with its density change and opacity reset, and returns the ticket of the last submission. `None`
-    /// when no step is left; then nothing is submitted or signalled.
+    /// Submits the next step with its density change and opacity reset, and returns the ticket of the last submission.
+    /// `None` when no step is left; then nothing is submitted or signalled.
     ///
-    /// The step waits for `order.wait` on the device. `order.signal` is reached when the step is done and the model is whole.
-    /// If a buffer was too small, the step has changed nothing and is repeated in a later call; [`Message::Step`] names the
-    /// steps that were done.
+    /// The step waits for `order.wait` on the device. `order.signal` is reached when the step is done and the model is
+    /// whole. If a buffer was too small, the step has changed nothing and is repeated in a later call;
+    /// [`Message::Step`] names the steps that were done.
     ///
-    /// The call blocks only on what earlier calls have submitted: when as many events as [`crate::train::Pacing`] allows are
-    /// in flight, when buffers grow, when an evaluation or a checkpoint is due, and when the host acts on the model (a cloud
-    /// that growth keeps to, propagated depths). So whatever a step waits for must come without further calls of `step`.
+    /// The call blocks only on what earlier calls have submitted: when as many events as [`crate::train::Pacing`]
+    /// allows are in flight, when buffers grow, when an evaluation or a checkpoint is due, and when the host acts on
+    /// the model (a cloud that growth keeps to, propagated depths). So whatever a step waits for must come without
+    /// further calls of `step`.
     pub fn step(&mut self, order: SubmitSync<'_>) -> Result<Option<Ticket>, Error> {
         loop {
             if self.finished {
@@ -63,8 +64,8 @@ impl Trainer {
         self.engine.live_model()
     }
 
-    /// The shot of a camera for the current model: with the spherical harmonics in use at this step and the background of
-    /// evaluations.
+    /// The view to render of the current model from a camera: with the spherical harmonics in use at this step and the
+    /// background of evaluations.
     pub fn shot(&self, camera: &Camera) -> RenderView {
         let sh_degree = self.schedule.step(self.next.step.clamp(1, self.schedule.iterations.max(1))).sh_degree;
         self.engine.view_shot(camera, sh_degree, self.settings.model.background.evaluated())

@@ -21,8 +21,8 @@ pub(super) struct HeldOut<'a> {
     pub(super) exposures: Option<&'a Exposures>,
 }
 
-/// Renders every view with the exposure expected of its photograph, and compares the render with the photograph, both rounded
-/// to 8 bits. `None` as soon as `given_up` returns true.
+/// Renders every view with the exposure expected of its photograph, and compares the render with the photograph, both
+/// rounded to 8 bits. `None` as soon as `given_up` returns true.
 pub(super) fn quality(
     engine: &mut Engine,
     held_out: &HeldOut<'_>,

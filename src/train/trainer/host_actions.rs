@@ -5,8 +5,8 @@ use crate::train::Error;
 use crate::train::actions::Change;
 
 impl Trainer {
-    /// Runs the host actions that are due before the next event, once every earlier event is done. If an earlier event has to
-    /// be repeated, that event is the next one.
+    /// Runs the host actions that are due before the next event, once every earlier event is done. If an earlier event
+    /// has to be repeated, that event is the next one.
     pub(super) fn make_ready(&mut self) -> Result<(), Error> {
         if !self.actions.are_due(&self.schedule, self.next) {
             return Ok(());

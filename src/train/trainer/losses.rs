@@ -8,8 +8,8 @@ use crate::train::schedule::Schedule;
 const PASSES: u32 = 4;
 
 impl Trainer {
-    /// The mean loss of each photograph over the last steps of the run: the second half of the steps, at most four passes over
-    /// all photographs. The worst photograph comes first.
+    /// The mean loss of each photograph over the last steps of the run: the second half of the steps, at most four
+    /// passes over all photographs. The worst photograph comes first.
     pub fn training_photographs(&self) -> Vec<TrainingPhotograph> {
         let mut out = by_photograph(&self.history.loss, &self.schedule, &self.trained_on.names);
         worst_first(&mut out);

@@ -6,7 +6,8 @@ use crate::train::Error;
 use crate::train::schedule::{Event, Kind};
 
 impl Trainer {
-    /// Waits for the events in flight, grows what was too small, clears the status and goes back to the first lost event.
+    /// Waits for the events in flight, grows what was too small, clears the status and goes back to the first lost
+    /// event.
     pub(super) fn recover(&mut self) -> Result<(), Error> {
         self.in_flight.clear();
         let (done, grown) = match self.engine.grow() {

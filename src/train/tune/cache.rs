@@ -1,4 +1,4 @@
-//! Choices of earlier timings: a JSON file beside the pipeline cache.
+//! Variants chosen by earlier timings, in a JSON file beside the pipeline cache.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -15,22 +15,22 @@ use crate::vk::Caps;
 const FILE: &str = "forms.json";
 /// Held while the file is read and written again.
 const LOCK: &str = "forms.lock";
-/// The longest that a process waits for another one, which holds the lock for the time of a small file.
+/// Longest wait for the lock, which another process holds while it reads and writes a small file.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// More are not kept: the oldest go.
+/// Most choices in the file; the oldest are dropped.
 const MOST: usize = 200;
 
-/// How large a training is, in powers of four: within one the same form is taken to be the best.
+/// Size of a training in powers of four. Trainings of one class share a choice of variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SizeClass {
     /// Half the binary logarithm of the number of splats.
     pub splats: u32,
-    /// Half the binary logarithm of the pixels that a step looks at, of the first view.
+    /// Half the binary logarithm of the pixels of the first view that a step looks at.
     pub pixels: u32,
 }
 
 impl SizeClass {
-    /// Of a training's input, whose photographs are looked at in so many bands.
+    /// The class of a training's input whose steps look at one of `bands` bands of a photograph.
     pub fn of(input: &Input, bands: u32) -> Self {
         let pixels = input.train.first().map_or(1, |v| u64::from(v.camera.width) * u64::from(v.camera.height));
         let half = |n: u64| n.max(1).ilog2() / 2;
@@ -39,16 +39,16 @@ impl SizeClass {
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Entry {
+struct KeptChoice {
     device: String,
     driver: String,
-    /// Of this program.
+    /// Version of this program.
     version: String,
     size: SizeClass,
     variants: Variants,
 }
 
-impl Entry {
+impl KeptChoice {
     fn new(caps: &Caps, size: SizeClass, variants: Variants) -> Self {
         let (device, driver, version) =
             (caps.device.clone(), caps.driver.clone(), env!("CARGO_PKG_VERSION").to_owned());
@@ -65,7 +65,7 @@ fn file(folder: &Path) -> PathBuf {
     folder.join(FILE)
 }
 
-fn read(folder: &Path) -> Result<Vec<Entry>, String> {
+fn read(folder: &Path) -> Result<Vec<KeptChoice>, String> {
     let path = file(folder);
     let text = match read_text(&path) {
         Ok(text) => text,
@@ -76,21 +76,21 @@ fn read(folder: &Path) -> Result<Vec<Entry>, String> {
         .map_err(|e| format!("{}: variants of earlier timings cannot be read: {e}", path.display()))
 }
 
-/// The variants kept for a device and size; an error in words where the file is damaged.
+/// The variants kept for a device and size. Returns a message if the file is damaged.
 pub(super) fn find(folder: &Path, caps: &Caps, size: SizeClass) -> Result<Option<Variants>, String> {
     let entries = read(folder)?;
-    let found = entries.iter().find(|entry| entry.is_for(&Entry::new(caps, size, entry.variants)));
+    let found = entries.iter().find(|entry| entry.is_for(&KeptChoice::new(caps, size, entry.variants)));
     Ok(found.map(|entry| entry.variants))
 }
 
-/// Keeps a choice in place of an earlier one; a damaged file is replaced.
+/// Keeps a choice, replacing an earlier one. A damaged file is replaced.
 pub(super) fn keep(folder: &Path, caps: &Caps, size: SizeClass, variants: Variants) -> Result<(), Error> {
-    add(folder, Entry::new(caps, size, variants))
+    add(folder, KeptChoice::new(caps, size, variants))
 }
 
-fn add(folder: &Path, new: Entry) -> Result<(), Error> {
+fn add(folder: &Path, new: KeptChoice) -> Result<(), Error> {
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "create"))?;
-    // Else what another process adds meanwhile would be lost. Without locks, or where one is not let go of, that is all that is lost.
+    // Without the lock, a choice that another process adds meanwhile would be lost, but nothing else.
     let _held = Lock::wait(&folder.join(LOCK), &System, PATIENCE)?;
     let mut entries = read(folder).unwrap_or_default();
     entries.retain(|entry| !entry.is_for(&new));
@@ -106,11 +106,11 @@ mod tests {
     use super::*;
     use crate::raster::{GradientSum, TileShape};
 
-    /// As several trainings do that begin at the same time.
+    /// Several trainings may begin at the same time.
     #[test]
     fn choices_that_are_kept_at_one_time_are_all_kept() {
         let folder = tempfile::tempdir().unwrap();
-        let choice = |splats| Entry {
+        let choice = |splats| KeptChoice {
             device: "d".into(),
             driver: "v".into(),
             version: "1".into(),

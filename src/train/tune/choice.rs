@@ -5,12 +5,12 @@ use crate::train::Error;
 use crate::train::settings::Settings;
 use crate::vk::{FloatAtomics, Gpu};
 
-/// The variants that the settings ask for, and what suits the device where they ask for nothing.
+/// The variants that the settings name, completed by those that suit the device.
 pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error> {
     let run = &settings.run;
     let (blending, stepping) = (&settings.blending, &settings.stepping);
     let variants = Variants::choose(gpu, run.deterministic).with(blending.tile_shape, stepping.gradient_sum);
-    // What suits the device's own tiles may not be there in those that are asked for; slots are in all.
+    // The gradient sum that suits the device may not exist for the tile shape of the settings; slots exist for all.
     let slots = Variants { gradients: GradientSum::Slots, ..variants };
     let variants = match stepping.gradient_sum {
         None if !variants.runs_on(gpu) && slots.runs_on(gpu) => slots,

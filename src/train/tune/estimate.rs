@@ -1,4 +1,4 @@
-//! The time of a training, told before it begins.
+//! Estimates the time of a training before it begins.
 
 use std::fmt;
 
@@ -10,22 +10,22 @@ use crate::train::input::Input;
 use crate::train::settings::Settings;
 use crate::vk::Gpu;
 
-/// What a training takes at the speed of its first splats.
+/// Time of a training at the speed of its first splats.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Estimate {
     /// Steps to take.
     pub steps: u32,
-    /// Splats that were timed: those to begin with.
+    /// Number of first splats, with which steps were timed.
     pub splats: usize,
-    /// Seconds that the device worked on a step with them, as the mean over two views.
+    /// Seconds of device time of a step: the mean over two views.
     pub seconds_per_step: f64,
-    /// Whether splats are to become more, and steps slower with them.
+    /// Whether the number of splats grows, which makes steps slower.
     pub grows: bool,
 }
 
 impl Estimate {
-    /// Times two views of `input` on this device, in steps that change nothing and of an engine of their own. `None` where the
-    /// device cannot tell times.
+    /// Times two views of `input` on this device, with an engine that is dropped afterwards. `None` if the device has
+    /// no timestamps or there are no views.
     pub fn measure(gpu: &Gpu, input: &Input, settings: &Settings, variants: Variants) -> Result<Option<Self>, Error> {
         if gpu.caps().limits.timestamp_ns <= 0.0 || input.train.is_empty() {
             return Ok(None);
