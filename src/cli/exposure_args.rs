@@ -87,5 +87,5 @@ pub(crate) fn line(scores: &ExposureScores) -> String {
         .psnr_own_colours
         .map_or_else(String::new, |psnr| format!("; {} dB in the model's own colours", fraction(psnr, 2)));
     let [order, place] = [scores.follows_order, scores.follows_place].map(|share| percent(share, 0));
-    format!("exposed by {order} of how the photographs before and after are, {place} of how those nearby are{own}")
+    format!("exposed by {order} of the exposures before and after, and by {place} of the exposures nearby{own}")
 }

@@ -24,8 +24,8 @@ fn the_first(n: usize) -> &'static str {
 pub(super) fn cameras_at_one_place(f: &mut Formatter<'_>, cameras: usize, extent: f64) -> fmt::Result {
     write!(
         f,
-        "the training cameras ({}) are all at one place beside the distance of the points: the scene's extent \
-                 is taken from these ({extent} units)",
+        "the training cameras ({}) are all at one place, compared with the distance of the points: the scene's \
+                 extent comes from the points ({extent} units)",
         grouped(cameras)
     )
 }
@@ -34,7 +34,7 @@ pub(super) fn camera_far_away(f: &mut Formatter<'_>, name: &str, times: f64) -> 
     write!(
         f,
         "the camera of '{name}' is {times:.0} times as far from the others as they are from one another: its \
-                 pose is probably wrong. Leave the photograph out, or mend its pose; the scene's extent is taken from \
+                 pose is probably wrong. Leave the photograph out, or mend its pose; the scene's extent comes from \
                  the others"
     )
 }

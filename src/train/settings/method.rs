@@ -131,9 +131,9 @@ fn rsgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 }
 
 fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
-    // Early in the published schedule nothing is pruned and no surface is continued, so shorter runs scale the
-    // schedule. The published methods keep the published steps: a model of 7,000 steps is known as an intermediate one.
-    // A named step of the schedule also keeps the schedule.
+    // Midway through the published schedule nothing has been pruned and no surface continued, so shorter runs scale
+    // the schedule. The published methods do not: a model of theirs after 7,000 steps is known to be an intermediate
+    // one. A run in which a step of the schedule is named keeps the schedule.
     if !["scale-schedule"].into_iter().chain(STEPS_OF_THE_SCHEDULE).any(named)
         && settings.run.iterations < Run::default().iterations
     {
