@@ -1,5 +1,6 @@
 //! `psrgs-vk compare`: trains every method on every scene and tabulates the results.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -16,6 +17,7 @@ use psrgs_vk::train::settings::{LidarCloud, Method, Split};
 use super::console::{self, Console};
 use super::exit::Failure;
 use super::interrupt::Interrupt;
+use super::run_folder::SETTINGS;
 use ablate::Row;
 
 mod ablate;
@@ -40,7 +42,7 @@ pub(crate) struct Args {
     /// Folder of the runs and of the tables
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Methods; the others are compared with the first
+    /// Methods; the others are compared with 3dgs where it is one of them, else with the first
     #[arg(
         long,
         value_name = "M,M...",
@@ -277,7 +279,20 @@ fn read(run: &Run, at: &Path) -> anyhow::Result<Finished> {
     let text = psrgs_vk::format::read_text(&file).with_context(|| Failure::Input(file.display().to_string()))?;
     let metrics: Metrics = serde_json::from_str(&text).with_context(|| Failure::Input(file.display().to_string()))?;
     let seconds = seconds(at).unwrap_or(metrics.seconds);
-    Ok(Finished { run: run.clone(), metrics, seconds })
+    let world = run.data.join("world.toml").is_file();
+    Ok(Finished { run: run.clone(), metrics, seconds, settings: settings(at), world })
+}
+
+/// The settings of a run by key. Tables are made without the settings too.
+fn settings(at: &Path) -> BTreeMap<String, String> {
+    let text = psrgs_vk::format::read_text(&at.join(SETTINGS)).unwrap_or_default();
+    let table: toml::Table = toml::from_str(&text).unwrap_or_default();
+    let values = table.into_iter().flat_map(|(key, value)| match value {
+        toml::Value::Table(group) => group.into_iter().collect(),
+        value => vec![(key, value)],
+    });
+    let word = |value: toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    values.map(|(key, value)| (key, word(value))).collect()
 }
 
 fn write(args: &Args, finished: &[Finished]) -> anyhow::Result<()> {

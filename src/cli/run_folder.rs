@@ -14,7 +14,7 @@ use psrgs_vk::format::{atomic, checkpoint};
 use psrgs_vk::train::Settings;
 
 use super::exit::{self, Failure, Remedy};
-use super::train::plan::RunPlan;
+use super::train::RunPlan;
 
 /// File name of the settings.
 pub(crate) const SETTINGS: &str = "settings.toml";

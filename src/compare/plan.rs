@@ -46,6 +46,19 @@ impl Run {
     }
 }
 
+/// The metric by which a part of a method is judged, and its direction: named before any run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Primary {
+    /// PSNR of what is seen, higher with the part.
+    PsnrSeenUp,
+    /// The median error of depths, lower with the part.
+    DepthErrorDown,
+    /// The number of splats, lower with the part.
+    SplatsDown,
+    /// LPIPS, lower with the part.
+    LpipsDown,
+}
+
 /// A method without one of its parts, or with another form of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ablation {
@@ -53,6 +66,8 @@ pub struct Ablation {
     pub name: &'static str,
     /// The options that make it.
     pub options: &'static [&'static str],
+    /// What the part that is left out or replaced is judged by.
+    pub primary: Primary,
 }
 
 /// An option of an ablation: low-grad-threshold as the method's own grad-threshold.
@@ -69,11 +84,16 @@ pub const ABLATIONS: [Ablation; 37] = [
             "--set=stereo-densest=0",
             "--set=stereo-splats-for=0",
         ],
+        primary: Primary::DepthErrorDown,
     },
-    Ablation { name: "no-depth-loss", options: &["--lambda-depth", "0", "--lambda-normal", "0"] },
-    Ablation { name: "no-smoothness", options: &["--set=lambda-smooth=0"] },
-    Ablation { name: "free-harmonics", options: &["--set=lambda-sh=0"] },
-    Ablation { name: "no-flattening", options: &["--set=lambda-flatten=0"] },
+    Ablation {
+        name: "no-depth-loss",
+        options: &["--lambda-depth", "0", "--lambda-normal", "0"],
+        primary: Primary::DepthErrorDown,
+    },
+    Ablation { name: "no-smoothness", options: &["--set=lambda-smooth=0"], primary: Primary::DepthErrorDown },
+    Ablation { name: "free-harmonics", options: &["--set=lambda-sh=0"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "no-flattening", options: &["--set=lambda-flatten=0"], primary: Primary::DepthErrorDown },
     Ablation {
         name: "no-stereo-splats",
         options: &[
@@ -82,41 +102,71 @@ pub const ABLATIONS: [Ablation; 37] = [
             "--set=stereo-densest=0",
             "--set=stereo-splats-for=0",
         ],
+        primary: Primary::PsnrSeenUp,
     },
-    Ablation { name: "round-stereo-splats", options: &["--set=stereo-thickness=1"] },
-    Ablation { name: "wide-stereo-splats", options: &["--set=stereo-width=1"] },
-    Ablation { name: "faint-stereo-splats", options: &["--set=stereo-opacity=0.1"] },
-    Ablation { name: "texture-left-out", options: &["--set=stereo-texture=0.5"] },
-    Ablation { name: "no-lone-splats", options: &["--set=stereo-alone=0"] },
-    Ablation { name: "no-skirt", options: &["--set=stereo-skirt=0"] },
-    Ablation { name: "no-exposures", options: &["--exposure", "off"] },
-    Ablation { name: "no-mask-growth", options: &["--set=sample-mask-share=0"] },
-    Ablation { name: "no-error-growth", options: &["--set=sample-error-share=0"] },
-    Ablation { name: "one-threshold", options: &[OWN_GRAD_THRESHOLD] },
+    Ablation { name: "round-stereo-splats", options: &["--set=stereo-thickness=1"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "wide-stereo-splats", options: &["--set=stereo-width=1"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "faint-stereo-splats", options: &["--set=stereo-opacity=0.1"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "texture-left-out", options: &["--set=stereo-texture=0.5"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "no-lone-splats", options: &["--set=stereo-alone=0"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "no-skirt", options: &["--set=stereo-skirt=0"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "no-exposures", options: &["--exposure", "off"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "no-mask-growth", options: &["--set=sample-mask-share=0"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "no-error-growth", options: &["--set=sample-error-share=0"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "one-threshold", options: &[OWN_GRAD_THRESHOLD], primary: Primary::PsnrSeenUp },
     // The order of the paper's abstract, which its second figure contradicts.
-    Ablation { name: "low-threshold-first", options: &["--set=low-grad-threshold=1.5e-4"] },
-    Ablation { name: "along-gradient", options: &["--set=split-along-gradient=true"] },
-    Ablation { name: "no-low-weights", options: &["--set=low-texture-weight=1"] },
+    Ablation {
+        name: "low-threshold-first",
+        options: &["--set=low-grad-threshold=1.5e-4"],
+        primary: Primary::PsnrSeenUp,
+    },
+    Ablation { name: "along-gradient", options: &["--set=split-along-gradient=true"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "no-low-weights", options: &["--set=low-texture-weight=1"], primary: Primary::PsnrSeenUp },
     // The constrained set is what the stage leaves.
-    Ablation { name: "no-low-stage", options: &["--set=low-stage=0", "--set=lambda-constrained=0"] },
-    Ablation { name: "fixed-sigma", options: &["--set=sigma-learning=off"] },
-    Ablation { name: "composite-sigma", options: &["--set=sigma-learning=composite"] },
-    Ablation { name: "gate-gradient", options: &["--gate", "gradient", "--set=sigma-learning=off"] },
-    Ablation { name: "gate-phase", options: &["--gate", "phase", "--set=sigma-learning=off"] },
-    Ablation { name: "gate-random", options: &["--gate", "random", "--set=sigma-learning=off"] },
-    Ablation { name: "gate-off", options: &["--gate", "off", "--set=sigma-learning=off"] },
+    Ablation {
+        name: "no-low-stage",
+        options: &["--set=low-stage=0", "--set=lambda-constrained=0"],
+        primary: Primary::DepthErrorDown,
+    },
+    Ablation { name: "fixed-sigma", options: &["--set=sigma-learning=off"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "composite-sigma", options: &["--set=sigma-learning=composite"], primary: Primary::PsnrSeenUp },
+    Ablation {
+        name: "gate-gradient",
+        options: &["--gate", "gradient", "--set=sigma-learning=off"],
+        primary: Primary::PsnrSeenUp,
+    },
+    Ablation {
+        name: "gate-phase",
+        options: &["--gate", "phase", "--set=sigma-learning=off"],
+        primary: Primary::PsnrSeenUp,
+    },
+    Ablation {
+        name: "gate-random",
+        options: &["--gate", "random", "--set=sigma-learning=off"],
+        primary: Primary::PsnrSeenUp,
+    },
+    Ablation {
+        name: "gate-off",
+        options: &["--gate", "off", "--set=sigma-learning=off"],
+        primary: Primary::PsnrSeenUp,
+    },
     Ablation {
         name: "no-gradient-maps",
         options: &["--set=lambda-gradients=0", "--set=lambda-variation=0", "--set=lambda-constrained=0"],
+        primary: Primary::LpipsDown,
     },
-    Ablation { name: "no-constrained-maps", options: &["--set=lambda-constrained=0"] },
-    Ablation { name: "no-perceptual", options: &["--lambda-perceptual", "0"] },
-    Ablation { name: "one-perceptual-view", options: &["--set=perceptual-views=1"] },
-    Ablation { name: "coarse-steps", options: &["--set=coarse-steps=0.2"] },
-    Ablation { name: "no-coarse-steps", options: &["--set=coarse-steps=0"] },
-    Ablation { name: "no-pruning", options: &["--prune-weight", "0"] },
-    Ablation { name: "steps-of-all", options: &["--set=visible-adam=false"] },
-    Ablation { name: "published-dssim", options: &["--lambda-dssim", "0.2"] },
-    Ablation { name: "no-early-cutoff", options: &["--set=early-steps=0"] },
-    Ablation { name: "depth-loss", options: &["--lambda-depth", "0.1", "--lambda-normal", "0.01"] },
+    Ablation { name: "no-constrained-maps", options: &["--set=lambda-constrained=0"], primary: Primary::LpipsDown },
+    Ablation { name: "no-perceptual", options: &["--lambda-perceptual", "0"], primary: Primary::LpipsDown },
+    Ablation { name: "one-perceptual-view", options: &["--set=perceptual-views=1"], primary: Primary::LpipsDown },
+    Ablation { name: "coarse-steps", options: &["--set=coarse-steps=0.2"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "no-coarse-steps", options: &["--set=coarse-steps=0"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "no-pruning", options: &["--prune-weight", "0"], primary: Primary::SplatsDown },
+    Ablation { name: "steps-of-all", options: &["--set=visible-adam=false"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "published-dssim", options: &["--lambda-dssim", "0.2"], primary: Primary::PsnrSeenUp },
+    Ablation { name: "no-early-cutoff", options: &["--set=early-steps=0"], primary: Primary::PsnrSeenUp },
+    Ablation {
+        name: "depth-loss",
+        options: &["--lambda-depth", "0.1", "--lambda-normal", "0.01"],
+        primary: Primary::DepthErrorDown,
+    },
 ];

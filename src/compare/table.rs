@@ -1,12 +1,12 @@
 //! What the metrics of finished runs say together.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-use super::interval::paired;
+use super::differences::{about_lpips, differences, keys};
 use super::plan::{Run, Size};
 use crate::eval::Metrics;
-use crate::numbers::{fraction, signed};
+use crate::numbers::fraction;
 
 /// A run with what came of it.
 #[derive(Clone, Debug)]
@@ -17,6 +17,18 @@ pub struct Finished {
     pub metrics: Metrics,
     /// Seconds of the whole process.
     pub seconds: f64,
+    /// Its settings by key, as `settings.toml` has them.
+    pub settings: BTreeMap<String, String>,
+    /// Whether its dataset is a synthetic world. Worlds of several seeds are one scene in tables of pictures.
+    pub world: bool,
+}
+
+impl Finished {
+    /// Whether its training lowered distances of the features that LPIPS is made of.
+    pub(super) fn lowers_lpips(&self) -> bool {
+        let weight = self.settings.get("lambda-perceptual").and_then(|value| value.parse::<f64>().ok());
+        weight.is_some_and(|weight| weight > 0.0)
+    }
 }
 
 /// Mean and range over the seeds.
@@ -41,24 +53,45 @@ pub struct Summary {
     pub size: Size,
     /// Number of seeds.
     pub seeds: usize,
-    /// PSNR, SSIM, LPIPS, GMSD, psnr_cc, psnr_hf, splats, bytes and seconds; none where no run has the number.
+    /// PSNR of what is seen, PSNR, SSIM, LPIPS, GMSD, psnr_cc, psnr_hf, splats, bytes and seconds. `None` where no run
+    /// has the number.
     pub values: Vec<Option<Spread>>,
 }
 
 /// A number of a run.
-type Number = fn(&Finished) -> Option<f64>;
+pub(super) type Number = fn(&Finished) -> Option<f64>;
 
-/// The columns of the table: name, digits after the point, the number, and what it is multiplied by.
-pub(super) const COLUMNS: [(&str, usize, Number); 9] = [
-    ("PSNR", 2, |f| f.metrics.psnr),
-    ("SSIM", 4, |f| f.metrics.ssim),
-    ("LPIPS", 4, |f| f.metrics.lpips_squeeze),
-    ("GMSD", 4, |f| f.metrics.gmsd),
-    ("psnr_cc", 2, |f| f.metrics.psnr_cc),
-    ("psnr_hf", 2, |f| f.metrics.psnr_high_frequency),
-    ("splats", 0, |f| Some(f.metrics.splats as f64)),
-    ("bytes", 0, |f| Some(f.metrics.bytes as f64)),
-    ("seconds", 0, |f| Some(f.seconds)),
+/// The columns of the table: heading, name in the CSV file, digits after the point, and the number.
+pub(super) const COLUMNS: [(&str, &str, usize, Number); 10] = [
+    ("PSNR of what is seen", "psnr_seen", 2, |f| f.metrics.psnr_seen),
+    ("PSNR", "psnr", 2, |f| f.metrics.psnr),
+    ("SSIM", "ssim", 4, |f| f.metrics.ssim),
+    ("LPIPS (SqueezeNet)", "lpips", 4, |f| f.metrics.lpips_squeeze),
+    ("GMSD", "gmsd", 4, |f| f.metrics.gmsd),
+    ("psnr_cc", "psnr_cc", 2, |f| f.metrics.psnr_cc),
+    ("psnr_hf", "psnr_hf", 2, |f| f.metrics.psnr_high_frequency),
+    ("splats", "splats", 0, |f| Some(f.metrics.splats as f64)),
+    ("bytes", "bytes", 0, |f| Some(f.metrics.bytes as f64)),
+    ("seconds", "seconds", 0, |f| Some(f.seconds)),
+];
+
+/// Settings that a reader of a table asks for first. What has another name, or is not there, is left out.
+const TOLD: [&str; 15] = [
+    "preset",
+    "iterations",
+    "max-side",
+    "split",
+    "scale-schedule",
+    "exposure",
+    "start",
+    "init",
+    "depth-prior",
+    "stereo-splats",
+    "stereo-density",
+    "stereo-skirt",
+    "prune-weight",
+    "visible-adam",
+    "lambda-perceptual",
 ];
 
 impl Spread {
@@ -99,14 +132,15 @@ pub fn summaries(finished: &[Finished]) -> Vec<Summary> {
         seeds: all.len(),
         values: COLUMNS
             .iter()
-            .map(|(_, _, number)| Spread::of(&all.iter().filter_map(|f| number(f)).collect::<Vec<_>>()))
+            .map(|(.., number)| Spread::of(&all.iter().filter_map(|f| number(f)).collect::<Vec<_>>()))
             .collect(),
     };
     groups.into_iter().map(summary).collect()
 }
 
-/// The table and the mean differences as Markdown.
+/// The tables as Markdown: each scene and method, and the differences, with captions.
 pub fn markdown(finished: &[Finished]) -> String {
+    let all: Vec<&Finished> = finished.iter().collect();
     let mut out = String::from("| scene | method | seeds |");
     for (name, ..) in COLUMNS {
         let _ = write!(out, " {name} |");
@@ -115,90 +149,76 @@ pub fn markdown(finished: &[Finished]) -> String {
     out += &"---|".repeat(COLUMNS.len());
     out.push('\n');
     for s in summaries(finished) {
-        let size = if let Size::Percent(share) = s.size { format!(", {share} % of 3dgs") } else { String::new() };
-        let _ = write!(out, "| {} | {}{size} | {} |", cell(&s.scene), cell(&s.label), s.seeds);
-        for ((_, digits, _), value) in COLUMNS.iter().zip(&s.values) {
+        let _ = write!(out, "| {} | {} | {} |", cell(&s.scene), labelled(finished, &s), s.seeds);
+        for ((_, _, digits, _), value) in COLUMNS.iter().zip(&s.values) {
             let _ = write!(out, " {} |", value.map_or(String::new(), |v| v.shown(*digits, s.seeds)));
         }
         out.push('\n');
     }
-    out + &differences(finished)
+    out += &format!(
+        "\nOne row per scene and method: the mean over its seeds, in parentheses the lowest and the highest. {}\n{}",
+        shared(&all),
+        about_lpips(&all)
+    );
+    out + &geometry(finished) + &differences(finished)
 }
 
-/// Every label against the first and, where it is there, against `lean`: over all scenes and seeds that both have.
-fn differences(finished: &[Finished]) -> String {
-    let own: Vec<&Finished> = finished.iter().filter(|f| f.run.size == Size::Own).collect();
-    let mut labels: Vec<&str> = Vec::new();
-    for f in &own {
-        if !labels.contains(&f.run.label.as_str()) {
-            labels.push(&f.run.label);
-        }
-    }
-    let mut bases: Vec<&str> = labels.first().copied().into_iter().collect();
-    if labels.contains(&"lean") && bases != ["lean"] {
-        bases.push("lean");
-    }
-    let mut out = String::new();
-    for base in bases {
-        let _ = write!(
-            out,
-            "\nAgainst {}: {}.\n\n| method | pairs |",
-            cell(base),
-            match labels.iter().filter(|label| **label != base).map(|label| pairs(&own, label, base).len()).max() {
-                Some(2..) => "mean of the paired differences over scenes and seeds with its 95 % interval",
-                _ => "difference of one pair, which has no interval",
-            }
-        );
-        let _ = writeln!(
-            out,
-            " PSNR | SSIM | LPIPS | GMSD | psnr_hf | splats, ratio | seconds, ratio \
-             |\n|---|---|---|---|---|---|---|---|---|"
-        );
-        for label in labels.iter().filter(|label| **label != base) {
-            let pairs = pairs(&own, label, base);
-            let _ = write!(out, "| {} | {} |", cell(label), pairs.len());
-            for (column, digits) in [(0, 2), (1, 4), (2, 4), (3, 4), (5, 2)] {
-                let number = COLUMNS[column].2;
-                let each: Vec<f64> = pairs.iter().filter_map(|(a, b)| Some(number(a)? - number(b)?)).collect();
-                let _ = write!(out, " {} |", shown(&each, digits));
-            }
-            let splats = ratio(&pairs, |f| f.metrics.splats as f64);
-            let seconds = ratio(&pairs, |f| f.seconds);
-            let _ = writeln!(out, " {splats} | {seconds} |");
-        }
-    }
-    out
+/// The label of a row, with its limit of splats, and a dagger where its training lowered LPIPS by design.
+fn labelled(finished: &[Finished], s: &Summary) -> String {
+    let size = if let Size::Percent(share) = s.size { format!(", {share} % of 3dgs") } else { String::new() };
+    let dagger = finished.iter().any(|f| f.run.label == s.label && f.lowers_lpips());
+    format!("{}{size}{}", cell(&s.label), if dagger { "\u{2020}" } else { "" })
 }
 
-/// Runs of one label with those of another of the same scene and seed.
-fn pairs<'a>(own: &[&'a Finished], label: &str, base: &str) -> Vec<(&'a Finished, &'a Finished)> {
-    let of = |label: &str| -> BTreeMap<(&'a str, u64), &'a Finished> {
-        own.iter().filter(|f| f.run.label == label).map(|f| ((f.run.scene.as_str(), f.run.seed), *f)).collect()
-    };
-    let others = of(base);
-    of(label).into_iter().filter_map(|(key, a)| Some((a, *others.get(&key)?))).collect()
-}
-
-fn shown(differences: &[f64], digits: usize) -> String {
-    match paired(differences) {
-        None => String::new(),
-        Some(d) if d.half.is_infinite() => signed(d.mean, digits),
-        Some(d) if d.is_real() => format!("{} ± {:.digits$}", signed(d.mean, digits), d.half),
-        Some(d) => format!("no difference ({} ± {:.digits$})", signed(d.mean, digits), d.half),
-    }
-}
-
-/// The geometric mean of the quotients.
-fn ratio(pairs: &[(&Finished, &Finished)], number: impl Fn(&Finished) -> f64) -> String {
-    let logs: Vec<f64> = pairs.iter().map(|(a, b)| (number(a) / number(b)).ln()).filter(|r| r.is_finite()).collect();
-    if logs.is_empty() {
+/// Geometry metrics of the scenes that have some.
+fn geometry(finished: &[Finished]) -> String {
+    let names = geometry_keys(finished);
+    if names.is_empty() {
         return String::new();
     }
-    format!("{:.2}", (logs.iter().sum::<f64>() / logs.len() as f64).exp())
+    let mut out = String::from("\n| scene | method | seeds |");
+    names.iter().for_each(|name| out += &format!(" {} |", cell(name)));
+    out += &format!("\n|---|---|---|{}\n", "---|".repeat(names.len()));
+    for s in summaries(finished) {
+        let same = |f: &&Finished| (&f.run.scene, &f.run.label, f.run.size) == (&s.scene, &s.label, s.size);
+        let runs: Vec<BTreeMap<String, f64>> = finished.iter().filter(same).map(keys).collect();
+        if runs.iter().all(BTreeMap::is_empty) {
+            continue;
+        }
+        let _ = write!(out, "| {} | {} | {} |", cell(&s.scene), labelled(finished, &s), s.seeds);
+        for name in &names {
+            let spread = Spread::of(&runs.iter().filter_map(|run| run.get(name).copied()).collect::<Vec<_>>());
+            let _ = write!(out, " {} |", spread.map_or(String::new(), |v| fraction(v.mean, 4)));
+        }
+        out.push('\n');
+    }
+    out + "\nGeometry against the truth, means over the seeds.\n"
+}
+
+/// All geometry metrics that some run has.
+fn geometry_keys(finished: &[Finished]) -> Vec<String> {
+    let names: BTreeSet<String> = finished.iter().flat_map(|f| keys(f).into_keys()).collect();
+    names.into_iter().collect()
+}
+
+/// Which of the settings that matter all rows share, and in which they differ.
+pub(super) fn shared(finished: &[&Finished]) -> String {
+    let (mut same, mut different) = (Vec::new(), Vec::new());
+    for key in TOLD {
+        let values: BTreeSet<Option<&String>> = finished.iter().map(|f| f.settings.get(key)).collect();
+        match values.first().copied().flatten() {
+            Some(value) if values.len() == 1 => same.push(format!("{key} {value}")),
+            None if values.len() <= 1 => {}
+            _ => different.push(key),
+        }
+    }
+    let told = |what: &str, list: String| if list.is_empty() { list } else { format!("{what}: {list}. ") };
+    let text = told("All rows share", same.join(", ")) + &told("Rows differ in", different.join(", "));
+    text.trim_end().to_owned()
 }
 
 /// A name as text in a cell of a Markdown table: nothing in it is markup, and it stays in its line.
-fn cell(name: &str) -> String {
+pub(super) fn cell(name: &str) -> String {
     let mut out = String::with_capacity(name.len());
     for c in name.chars() {
         match c {
@@ -220,17 +240,20 @@ fn quoted(name: &str) -> String {
 
 /// A line per run.
 pub fn csv(finished: &[Finished]) -> String {
+    let geometry = geometry_keys(finished);
     let mut out = String::from("scene,method,percent_of_3dgs,seed");
-    for (name, ..) in COLUMNS {
-        let _ = write!(out, ",{}", name.to_lowercase());
+    for name in COLUMNS.iter().map(|(_, name, ..)| *name).chain(geometry.iter().map(String::as_str)) {
+        let _ = write!(out, ",{name}");
     }
     out.push('\n');
     for f in finished {
         let percent = if let Size::Percent(share) = f.run.size { share.to_string() } else { String::new() };
         let (scene, label) = (quoted(&f.run.scene), quoted(&f.run.label));
         let _ = write!(out, "{scene},{label},{percent},{}", f.run.seed);
-        for (_, _, number) in COLUMNS {
-            let _ = write!(out, ",{}", number(f).map_or(String::new(), |v| v.to_string()));
+        let known = keys(f);
+        let numbers = COLUMNS.iter().map(|(.., number)| number(f));
+        for number in numbers.chain(geometry.iter().map(|name| known.get(name).copied())) {
+            let _ = write!(out, ",{}", number.map_or(String::new(), |v| v.to_string()));
         }
         out.push('\n');
     }
@@ -246,17 +269,18 @@ mod tests {
             scene: scene.into(),
             data: scene.into(),
             label: label.into(),
-            method: label.into(),
+            method: label.split("-no-").next().unwrap().into(),
             options: Vec::new(),
             seed,
             size: Size::Own,
         };
         let text = format!(
             r#"{{"method": "{label}", "iterations": 1, "scene": "{scene}", "train_images": 1, "test_images": 1, "width": 8, "height": 8,
-                "seed": {seed}, "device": "none", "psnr": {psnr}, "ssim": 0.5, "splats": {splats}, "bytes": 1, "seconds": 2.0,
-                "seconds_per_iteration": 0.1, "peak_device_bytes": 1, "peak_host_bytes": null, "images": []}}"#
+                "seed": {seed}, "device": "none", "psnr": {psnr}, "psnr_seen": {psnr}, "ssim": 0.5, "splats": {splats}, "bytes": 1,
+                "seconds": 2.0, "seconds_per_iteration": 0.1, "peak_device_bytes": 1, "peak_host_bytes": null, "images": []}}"#
         );
-        Finished { run, metrics: serde_json::from_str(&text).unwrap(), seconds: 3.0 }
+        let settings = BTreeMap::from([("iterations".to_owned(), "1".to_owned())]);
+        Finished { run, metrics: serde_json::from_str(&text).unwrap(), seconds: 3.0, settings, world: false }
     }
 
     #[test]
@@ -271,30 +295,104 @@ mod tests {
     }
 
     #[test]
-    fn one_pair_has_no_interval() {
+    fn one_scene_has_no_interval() {
         let all = [finished("a", "3dgs", 0, 20.0, 100), finished("a", "lean", 0, 21.0, 50)];
         let text = markdown(&all);
-        assert!(text.contains("| lean | 1 | +1.00 |") && !text.contains("95 %"), "{text}");
+        assert!(text.contains("| lean | +1.00 | +1.00 | +0.0000 |  | -50.0 % | +0.0 % |"), "{text}");
+        assert!(text.contains("n = 1.") && text.contains("All rows share: iterations 1."), "{text}");
     }
 
+    /// Scene a is 1 dB better, the mean of its seeds, and scene b 3: mean 2, half-width 12.706 x 1. Splats are a half and
+    /// a quarter: the geometric mean is 1 / sqrt 8.
     #[test]
-    fn pairs_are_of_the_same_scene_and_seed() {
+    fn the_scene_is_the_unit_and_its_seeds_are_averaged() {
         let all = [
             finished("a", "3dgs", 0, 20.0, 100),
             finished("a", "3dgs", 1, 21.0, 100),
             finished("b", "3dgs", 0, 30.0, 400),
-            finished("a", "lean", 0, 21.0, 50),
-            finished("a", "lean", 1, 22.0, 50),
-            finished("b", "lean", 0, 31.0, 200),
+            finished("a", "lean", 0, 20.5, 50),
+            finished("a", "lean", 1, 22.5, 50),
+            finished("b", "lean", 0, 33.0, 100),
             finished("b", "lean", 7, 99.0, 1),
         ];
         let text = markdown(&all);
         assert!(text.contains("| a | 3dgs | 2 | 20.50 (20.00 to 21.00) |"), "{text}");
-        // Three pairs, each 1 dB apart, at half the splats; what has no partner is left out.
-        assert!(text.contains("| lean | 3 | +1.00 ± 0.00 |"), "{text}");
-        assert!(text.contains("| 0.50 | 1.00 |"), "{text}");
-        assert!(text.contains("no difference (+0.0000 ± 0.0000)"), "equal SSIM: {text}");
+        let cell = "| lean | +2.00 [-10.71, +14.71]; 2 of 2 |";
+        assert!(text.contains(cell), "{text}");
+        let half = 12.706_204_736 * 0.5 * 2.0_f64.ln();
+        let of = |sign: f64| 100.0 * (sign.mul_add(half, -1.5 * 2.0_f64.ln()).exp() - 1.0);
+        let splats = format!("| -64.6 [{:+.1}, {:+.1}] %; 2 of 2 |", of(-1.0), of(1.0));
+        assert!(text.contains(&splats), "{splats} in {text}");
+        assert!(text.contains("| +0.0000 [+0.0000, +0.0000]; 0 of 2 |"), "equal SSIM: {text}");
+        // Seeds of a: deviations 0.5 of 3dgs twice, 1 of lean twice; of b with lean 33 and 99 33 each.
+        let deviation = ((2.0 * 0.25 + 2.0 + 2.0 * 33.0_f64.powi(2)) / 3.0).sqrt();
+        assert!(text.contains(&format!("of 3 rows: {deviation:.2} of PSNR of what is seen")), "{text}");
         assert_eq!(csv(&all).lines().count(), 8);
         assert_eq!(summaries(&all).len(), 4);
+    }
+
+    /// Two worlds that are 1 and 3 dB better are one unit of 2, beside a scene of 2; of depth they are two units.
+    #[test]
+    fn worlds_are_one_unit_of_pictures_and_several_of_geometry() {
+        let mut all = Vec::new();
+        for (scene, better, world) in [("world", 1.0, true), ("world-1", 3.0, true), ("fox", 2.0, false)] {
+            for (label, psnr, error) in [("psrgs", 20.0 + better, 0.01), ("3dgs", 20.0, 0.02)] {
+                let mut one = finished(scene, label, 0, psnr, 10);
+                one.world = world;
+                one.metrics.geometry.depth_median_error = world.then_some(error);
+                one.metrics.geometry.floaters = (scene == "world").then_some(0.1);
+                all.push(one);
+            }
+        }
+        let text = markdown(&all);
+        assert!(text.contains("Against 3dgs:"), "the base is 3dgs, first or not: {text}");
+        assert!(text.contains("| psrgs | +2.00 [+2.00, +2.00] *; 2 of 2 |"), "{text}");
+        assert!(text.contains("n = 2, of which 2 worlds are one."), "{text}");
+        let geometry = "| method | depth\\_median\\_error |\n|---|---|\n| psrgs | -50.0 [-50.0, -50.0] % *; 2 of 2 |\n";
+        assert!(text.contains(geometry), "what only some have is left out: {text}");
+        assert!(text.contains("each world for itself: n = 2."), "{text}");
+        let csv = csv(&all);
+        assert!(csv.lines().next().is_some_and(|line| line.ends_with(",seconds,depth_median_error,floaters")), "{csv}");
+    }
+
+    #[test]
+    fn rows_trained_on_what_lpips_measures_are_marked() {
+        let mut all = [finished("a", "3dgs", 0, 20.0, 100), finished("a", "psrgs", 0, 21.0, 50)];
+        assert!(!markdown(&all).contains('\u{2020}') && !markdown(&all).contains("VGG"));
+        all[0].settings.insert("lambda-perceptual".into(), "0.0".into());
+        all[1].settings.insert("lambda-perceptual".into(), "0.03".into());
+        all.iter_mut().for_each(|f| f.metrics.lpips_squeeze = Some(0.1));
+        let text = markdown(&all);
+        assert!(text.contains("| a | psrgs\u{2020} | 1 |") && text.contains("\n| psrgs\u{2020} | +1.00 |"), "{text}");
+        assert!(text.contains("\u{2020} Training lowered") && text.contains("VGG"), "{text}");
+        assert!(text.contains("Rows differ in: lambda-perceptual.") && !text.contains("3dgs\u{2020}"), "{text}");
+    }
+
+    /// Three scenes. Without smoothness the depth error is larger by factors e^0.9, e^1 and e^1.1: t is 1 / (0.1 / sqrt 3),
+    /// and p = 1 - t / sqrt(2 + t^2) = 0.0033. Without flattening by e^0.5, e^1 and e^1.5: p = 0.0742. Holm's correction
+    /// over two gives 0.0066 and 0.0742.
+    #[test]
+    fn a_part_pays_where_its_own_metric_tells_so_after_holm() {
+        let mut all = Vec::new();
+        for (scene, smooth, flat) in [("a", 0.9, 0.5), ("b", 1.0, 1.0), ("c", 1.1, 1.5_f64)] {
+            for (label, log) in [("psrgs", 0.0), ("psrgs-no-smoothness", smooth), ("psrgs-no-flattening", flat)] {
+                let mut one = finished(scene, label, 0, 20.0, 100);
+                one.metrics.geometry.depth_median_error = Some(0.01 * f64::exp(log));
+                all.push(one);
+            }
+        }
+        let text = markdown(&all);
+        let row =
+            |name: &str| text.lines().filter(|l| l.contains(name)).find(|l| l.contains("lower is better")).unwrap();
+        assert!(row("smoothness").ends_with("| 0.003 | 0.007 | pays |"), "{text}");
+        assert!(row("flattening").ends_with("| 0.074 | 0.074 | not told |"), "{text}");
+        // Fewer splats without the part are a cost, and a lower error is no reason for it.
+        all.iter_mut().filter(|f| f.run.label.ends_with("smoothness")).for_each(|f| f.metrics.splats = 80);
+        let costly = markdown(&all);
+        assert!(costly.contains("| 0.007 | pays, but costs 25 % of splats |"), "{costly}");
+        for f in all.iter_mut().filter(|f| f.run.label.ends_with("smoothness")) {
+            f.metrics.geometry.depth_median_error = f.metrics.geometry.depth_median_error.map(|e| 0.0001 / e);
+        }
+        assert!(markdown(&all).contains("| 0.007 | better without |"));
     }
 }

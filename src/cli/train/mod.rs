@@ -1,12 +1,10 @@
 //! `psrgs-vk train`: chooses the settings and runs the training.
 
-pub(crate) mod plan;
 mod resume;
 mod run;
 mod run_loop;
 mod startup_log;
 
-pub(crate) use plan::RunPlan;
 pub(crate) use run::train;
 
 use std::path::{Path, PathBuf, absolute};
@@ -82,6 +80,25 @@ pub(crate) struct Args {
 }
 
 /// The default method.
+/// A training run.
+#[derive(Debug)]
+pub(crate) struct RunPlan {
+    /// Every setting, with absolute paths.
+    pub(crate) settings: Settings,
+    /// Folder of the results.
+    pub(crate) out: PathBuf,
+    /// Whether to resume from the checkpoint in `out`.
+    pub(crate) resume: bool,
+    /// Whether `out` may hold an earlier run, which is replaced.
+    pub(crate) overwrite: bool,
+    /// Message about the preset.
+    pub(crate) preset: Option<String>,
+    /// For tests: the step after which the device counts as lost.
+    pub(crate) lose_device_at: Option<u32>,
+    /// For tests: whether every step decodes its photographs again.
+    pub(crate) keep_no_photographs: bool,
+}
+
 pub(crate) const METHOD: Method = Method::Psrgs;
 
 impl Args {

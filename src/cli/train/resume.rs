@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use psrgs_vk::format::checkpoint;
 use psrgs_vk::train::{Checkpointed, Restart, Schedule, Settings};
 
-use super::plan::RunPlan;
+use super::RunPlan;
 use super::unchanged_on_resume;
 use crate::cli::console::Console;
 use crate::cli::exit::Failure;

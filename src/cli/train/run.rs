@@ -7,7 +7,7 @@ use psrgs_vk::dataset::Dataset;
 use psrgs_vk::train::prepare::{Setup, SetupRequest};
 use psrgs_vk::train::{Trainer, prepare};
 
-use super::plan::RunPlan;
+use super::RunPlan;
 use super::{resume, run_loop, startup_log};
 use crate::cli::console::Console;
 use crate::cli::finished::Finished;

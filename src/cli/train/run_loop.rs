@@ -3,7 +3,7 @@
 use psrgs_vk::train::{Message, Trainer};
 use psrgs_vk::vk::Gpu;
 
-use super::plan::RunPlan;
+use super::RunPlan;
 use crate::cli::console::Console;
 use crate::cli::exit::Failure;
 use crate::cli::interrupt::Interrupt;
