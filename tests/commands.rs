@@ -19,8 +19,6 @@ mod fronts;
 mod full_disk;
 #[path = "commands/kills.rs"]
 mod kills;
-#[path = "commands/library.rs"]
-mod library;
 #[path = "commands/lidar.rs"]
 mod lidar;
 #[path = "commands/memory.rs"]

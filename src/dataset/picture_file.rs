@@ -60,6 +60,20 @@ pub(super) fn header_within(file: &Path, limit: DecodeLimit) -> Result<Header, E
     Ok(found)
 }
 
+/// What the camera noted of the exposure, where it did: see [`super::View::noted_exposure`].
+pub(super) fn noted_exposure(file: &Path) -> Option<f64> {
+    let mut reader = BufReader::new(source::open(file).ok()?.0);
+    let noted = contained(|| exif::Reader::new().read_from_container(&mut reader).ok()).ok().flatten()?;
+    let number = |tag| match &noted.get_field(tag, exif::In::PRIMARY)?.value {
+        exif::Value::Rational(values) => Some(values.first()?.to_f64()),
+        value => value.get_uint(0).map(f64::from),
+    };
+    let positive = |tag| number(tag).filter(|value| value.is_finite() && *value > 0.0);
+    let sensitivity = positive(exif::Tag::PhotographicSensitivity).unwrap_or(1.0);
+    let aperture = positive(exif::Tag::FNumber).unwrap_or(1.0);
+    Some(positive(exif::Tag::ExposureTime)? * sensitivity / aperture.powi(2))
+}
+
 /// Why a file of `bytes` bytes cannot be read, from its format and its beginning.
 fn unreadable(file: &Path, bytes: u64, begin: &[u8], format: Option<ImageFormat>) -> Option<String> {
     match format {

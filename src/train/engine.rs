@@ -174,7 +174,7 @@ impl Engine {
         let (pixels, mean_pixels, side) = (most_pixels(cameras), mean_pixels(cameras), variants.tile.size());
         let tiles = cameras.iter().map(|c| c.width.div_ceil(side) * c.height.div_ceil(side)).max().unwrap_or(1);
         let exposures = match settings.optimiser.exposure {
-            Exposure::Off => None,
+            Exposure::Off | Exposure::Auto => None,
             Exposure::Affine => Some(Exposures::new(gpu, cameras.len(), pixels)?),
         };
         let aux = settings.geometry.has_loss();

@@ -10,7 +10,7 @@ use super::Error;
 use super::engine::{Needs, PAIRS_PER_SPLAT};
 use super::input::{Input, Outline};
 use super::pacing::{Pacing, Residency};
-use super::settings::Settings;
+use super::settings::{Exposure, Settings};
 use crate::byte_size::readable;
 use crate::numbers::counted;
 use crate::raster::{Variants, most_splats};
@@ -61,7 +61,12 @@ impl MemoryPlan {
         pacing: Pacing,
         splats: u32,
     ) -> Result<Self, Error> {
-        let needs = Needs::new(gpu, outline, settings, pacing)?;
+        let mut settings = settings.clone();
+        if settings.optimiser.exposure == Exposure::Auto {
+            // What takes more of what it may become.
+            settings.optimiser.exposure = Exposure::Affine;
+        }
+        let needs = Needs::new(gpu, outline, &settings, pacing)?;
         let capacities = needs.at_start(variants, splats, pacing)?;
         let photographs = (needs.views.len(), needs.of_photographs(needs.residency)?);
         // Numbers that differ much, because tables of the sorts grow in steps.

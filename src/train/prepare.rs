@@ -1,12 +1,16 @@
 //! Makes the input of a training from a dataset and settings, with depths and normals from stereo or a cloud.
 
+mod colour_gains;
 mod colours;
+mod exposures;
 mod setup;
 mod stereo;
 mod stereo_cost;
 
 pub use super::input::Coloured;
+pub use colour_gains::{ColourGains, Gain};
 pub use colours::Uncoloured;
+pub use exposures::{ExposureEvidence, decide_exposures};
 pub use setup::{Setup, SetupEvent, SetupRequest};
 pub use stereo::{CloudReport, StereoReport, compute_stereo_priors, longer_side, splats_on_surfaces};
 pub use stereo_cost::stereo_settings;

@@ -4,10 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-use crate::common;
+use psrgs_vk::format::ply;
+use psrgs_vk::train::Settings;
+
 #[cfg(unix)]
 use crate::run::Running;
 use crate::run::{OPTIONS, STEPS, Shared, fails, psrgs, shared, stderr, text, works};
+use crate::{common, train_example};
 
 const KEYS: &str = "method iterations scene train_images test_images width height seed device forms psnr psnr_seen seen psnr_cc ssim \
                     gmsd psnr_high_frequency splats bytes seconds seconds_stereo seconds_saliency \
@@ -220,4 +223,38 @@ fn test_photographs_do_not_touch_the_model() {
     let psnr = |text: String| serde_json::from_str::<serde_json::Value>(&text).expect("JSON")["psnr"].as_f64();
     let (noise, scene) = (psnr(read(&out)).expect("a number"), psnr(read(&shared.run())).expect("a number"));
     assert!((noise - scene).abs() > 0.01, "the score does not depend on the photographs: {noise} and {scene} dB");
+}
+
+/// The same training through the library.
+#[test]
+fn the_library_trains_the_model_that_the_command_trains() {
+    let Some(shared) = shared() else { return };
+    let Some(gpu) = common::gpu() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let model = folder.path().join("model.ply");
+    let settings = Settings::read(&shared.run().join("settings.toml")).expect("settings");
+    let outcome = train_example::train(&gpu, &shared.data(), &model, &settings).expect("a training");
+    assert_eq!(outcome.steps, STEPS);
+    assert!(fs::read(&model).ok() == fs::read(shared.model()).ok(), "the models differ");
+    assert_eq!(outcome.splats, ply::read(&model).expect("a model").gaussians.len());
+    let metrics = fs::read_to_string(shared.run().join("metrics.json")).expect("metrics");
+    let metrics: serde_json::Value = serde_json::from_str(&metrics).expect("JSON");
+    assert_eq!(outcome.psnr, metrics["psnr"].as_f64());
+}
+
+/// What the photographs decide stands in the settings, and a run that goes on does not decide again.
+#[test]
+fn a_resumed_run_keeps_what_photographs_decided_of_exposures() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    let (data, out) = (shared.data(), text(&out));
+    let told = |said: &str| said.lines().filter(|line| line.contains("are learned")).count();
+    let begin = ["train", text(&data), "--out", out, "--method=3dgs", "--iterations=3", "--exposure=auto"];
+    assert_eq!(told(&works(&begin)), 1);
+    let settings = || Settings::read(&Path::new(out).join("settings.toml")).expect("settings").optimiser.exposure;
+    let decided = settings();
+    assert_ne!(decided, psrgs_vk::train::settings::Exposure::Auto);
+    let said = works(&["train", "--resume", out, "--iterations=5"]);
+    assert_eq!((told(&said), settings()), (0, decided), "{said}");
 }

@@ -3,9 +3,10 @@
 
 use std::path::Path;
 
-use psrgs_vk::dataset::{Dataset, LoadOptions, Split};
+use psrgs_vk::dataset::{Dataset, LoadOptions, Split, Tracks};
+use psrgs_vk::train::prepare::{ExposureEvidence, Setup, SetupEvent, SetupRequest, decide_exposures};
 use psrgs_vk::train::settings::{Background, Exposure};
-use psrgs_vk::train::{ExposureMatrix, Pacing, Settings, Trainer, prepare};
+use psrgs_vk::train::{ExposureMatrix, Input, Pacing, Settings, Trainer, prepare};
 use psrgs_vk::world::{Effect, Effects, LidarParams, World, WorldParams, generate};
 
 use crate::common;
@@ -123,4 +124,129 @@ fn gains_of_the_world_are_found_to_a_hundredth() {
     println!("gains from {:.3} to {:.3}, found with errors {off:.4?}", spread(f64::min), spread(f64::max));
     assert!(spread(f64::max) - spread(f64::min) > 0.1, "the gains differ too little");
     assert!(off.iter().all(|e| e.abs() < 0.01), "{off:.4?}");
+}
+
+/// Photographs of a world whose exposures change by up to `change`, and by nothing else.
+fn exposed_by(change: f64, images: u32, folder: &Path) -> (World, Dataset, Settings) {
+    let effects = Effects { exposure: change, ..Effects::none() };
+    let params = WorldParams {
+        images,
+        max_side: 96,
+        extent: 40.0,
+        pixels_per_point: 12,
+        offpath: 0,
+        effects,
+        ..WorldParams::default()
+    };
+    generate(&params, folder, &mut |_| ()).expect("a world");
+    let options = LoadOptions { split: Split::None, ..LoadOptions::default() };
+    let dataset = Dataset::load(folder, &options).expect("loads");
+    let mut settings = Settings::default();
+    settings.run.iterations = 2;
+    settings.optimiser.exposure = Exposure::Auto;
+    (World::new(&params).expect("a world"), dataset, settings)
+}
+
+fn decided(dataset: &Dataset, input: &Input, settings: &Settings) -> (ExposureEvidence, Exposure) {
+    let mut settings = settings.clone();
+    let evidence = decide_exposures(dataset, input, &mut settings).expect("decided").expect("it was left open");
+    println!("{evidence}");
+    assert_eq!(decide_exposures(dataset, input, &mut settings).expect("decided"), None, "once and for all");
+    (evidence, settings.optimiser.exposure)
+}
+
+#[test]
+fn points_tell_whether_exposures_vary() {
+    let folders = [(); 2].map(|()| tempfile::tempdir().expect("a temporary folder"));
+    let (world, mut dataset, settings) = exposed_by(0.5, 20, folders[0].path());
+    let input = prepare::input(&dataset, &settings).expect("an input");
+    let (evidence, outcome) = decided(&dataset, &input, &settings);
+    assert_eq!(outcome, Exposure::Affine);
+    let ExposureEvidence::Colours(found) = evidence else { panic!("{evidence:?}") };
+    // Brighter photographs have higher gains. Light is not what is encoded, so that they are not the same numbers.
+    let pairs: Vec<[f64; 2]> =
+        (0..).zip(&found.gains).filter_map(|(k, gains)| Some([world.exposure(k).ln(), (*gains)?[1].log])).collect();
+    assert!(pairs.len() > 15, "{pairs:?}");
+    let mean = |k: usize| pairs.iter().map(|pair| pair[k]).sum::<f64>() / pairs.len() as f64;
+    let sum = |a: usize, b: usize| pairs.iter().map(|p| (p[a] - mean(a)) * (p[b] - mean(b))).sum::<f64>();
+    let correlation = sum(0, 1) / (sum(0, 0) * sum(1, 1)).sqrt();
+    assert!(correlation > 0.95, "{correlation} {pairs:.3?}");
+    // Without tracks the points in front are taken.
+    dataset.tracks = Tracks::default();
+    assert_eq!(decided(&dataset, &input, &settings).1, Exposure::Affine);
+    let (_, steady, settings) = exposed_by(0.0, 12, folders[1].path());
+    let input = prepare::input(&steady, &settings).expect("an input");
+    assert_eq!(decided(&steady, &input, &settings).1, Exposure::Off);
+}
+
+/// A file that notes an exposure of one part of a second.
+fn noting(part: u32, sensitivity: u16) -> Vec<u8> {
+    use exif::{Field, In, Rational, Tag, Value, experimental::Writer};
+    let field = |tag, value| Field { tag, ifd_num: In::PRIMARY, value };
+    let fields = [
+        field(Tag::ExposureTime, Value::Rational(vec![Rational { num: 1, denom: part }])),
+        field(Tag::FNumber, Value::Rational(vec![Rational { num: 28, denom: 10 }])),
+        field(Tag::PhotographicSensitivity, Value::Short(vec![sensitivity])),
+    ];
+    let mut writer = Writer::new();
+    fields.iter().for_each(|field| writer.push_field(field));
+    let mut tiff = std::io::Cursor::new(Vec::new());
+    writer.write(&mut tiff, false).expect("fields");
+    let length = (8 + tiff.get_ref().len() as u16).to_be_bytes();
+    [&[0xff, 0xd8, 0xff, 0xe1], &length[..], b"Exif\0\0", tiff.get_ref(), &[0xff, 0xd9]].concat()
+}
+
+/// Equal exposures are taken for granted where nothing speaks against it.
+#[test]
+fn without_points_the_files_tell_of_exposures_or_nothing_does() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (_, mut dataset, settings) = exposed_by(0.5, 4, folder.path());
+    let input = prepare::input(&dataset, &settings).expect("an input");
+    dataset.points.clear();
+    dataset.tracks = Tracks::default();
+    assert_eq!(decided(&dataset, &input, &settings), (ExposureEvidence::Nothing, Exposure::Off));
+    // Half the time at twice the sensitivity is the same exposure.
+    for (k, view) in dataset.views.iter_mut().enumerate() {
+        view.path = folder.path().join(format!("{k}.jpg"));
+        let (part, sensitivity) = if k % 2 == 0 { (500, 100) } else { (1000, 200) };
+        std::fs::write(&view.path, noting(part, sensitivity)).expect("written");
+    }
+    let exposure = dataset.views[0].noted_exposure().expect("noted");
+    assert!((exposure * 2.8 * 2.8 - 0.2).abs() < 1e-9, "{exposure}");
+    let (evidence, outcome) = decided(&dataset, &input, &settings);
+    assert!(matches!(evidence, ExposureEvidence::Noted(spread) if spread < 1e-9) && outcome == Exposure::Off);
+    std::fs::write(&dataset.views[3].path, noting(250, 100)).expect("written");
+    let (evidence, outcome) = decided(&dataset, &input, &settings);
+    assert!(matches!(evidence, ExposureEvidence::Noted(spread) if spread > 0.1) && outcome == Exposure::Affine);
+    std::fs::write(&dataset.views[3].path, b"no picture").expect("written");
+    assert_eq!(decided(&dataset, &input, &settings).1, Exposure::Off, "the others agree");
+}
+
+/// A run that goes on takes what was decided from its checkpoint.
+#[test]
+fn a_run_that_goes_on_decides_nothing_of_exposures() {
+    let Some(gpu) = common::gpu() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (_, mut dataset, settings) = exposed_by(0.5, 16, folder.path());
+    for outcome in [Exposure::Affine, Exposure::Off] {
+        let prepared = |restart| {
+            let mut told = 0;
+            let (settings, dataset) = (&settings, &dataset);
+            let request =
+                SetupRequest { settings, dataset, weights: None, restart, keep_no_photographs: false, cache: None };
+            let mut tell = |event: SetupEvent<'_>| told += u32::from(matches!(event, SetupEvent::ExposuresDecided(_)));
+            let setup = Setup::prepare(&gpu, request, &mut tell).expect("ready");
+            (setup, told)
+        };
+        let (setup, told) = prepared(None);
+        assert_eq!((setup.settings.optimiser.exposure, told), (outcome, 1));
+        let mut trainer = Trainer::new(&gpu, setup.input, &setup.settings, setup.host.pacing, None).expect("trainer");
+        while trainer.next_message().expect("message").is_some() {}
+        let restart = trainer.snapshot().expect("a snapshot");
+        let (setup, told) = prepared(Some(restart));
+        assert_eq!((setup.settings.optimiser.exposure, told), (outcome, 0));
+        // Random points have no colours to compare.
+        dataset.points.clear();
+        dataset.tracks = Tracks::default();
+    }
 }

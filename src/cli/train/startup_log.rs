@@ -58,6 +58,7 @@ pub(super) fn event(event: &SetupEvent<'_>, console: &Console) {
             console.say(format_args!("looking for depths in {}", counted(*photographs, "photograph")));
         }
         SetupEvent::Depths { found, settings, photographs } => depths(found, settings, *photographs, console),
+        SetupEvent::ExposuresDecided(evidence) => console.say(evidence),
         SetupEvent::GrowsLonger { known } => console.say(format_args!(
             "depths are known of {} of the pixels only: splats grow for longer, and from lower gradients (`grow-on`)",
             percent(*known, 0)

@@ -4,7 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::{FirstModel, StereoReport, compute_stereo_priors, first, grow_on, input_within, outline};
+use super::{
+    ExposureEvidence, FirstModel, StereoReport, compute_stereo_priors, decide_exposures, first, grow_on, input_within,
+    outline,
+};
 use crate::dataset::{Dataset, Role, Warning};
 use crate::format::LeftOut;
 use crate::perceptual::LpipsWeights;
@@ -40,6 +43,8 @@ pub enum SetupEvent<'a> {
         /// Photographs to train on.
         photographs: usize,
     },
+    /// Whether exposures are learned was left to the photographs, and is decided by this.
+    ExposuresDecided(&'a ExposureEvidence),
     /// Growth goes on for longer, because few pixels have a depth.
     GrowsLonger {
         /// Share of the pixels with a depth, from 0 to 1.
@@ -88,10 +93,13 @@ impl Setup {
         let mut setup = Self::with_photographs(gpu, request, tell)?;
         setup.take_weights(weights, tell);
         setup.look_for_depths(gpu, dataset, tell)?;
-        // A resumed run has decided already.
-        if setup.restart.is_none() {
-            setup.decide_by_photographs(tell);
-            setup.choose_variants(gpu, cache, tell)?;
+        match &setup.restart {
+            // A resumed run has decided already.
+            Some(restart) => setup.settings.optimiser.exposure = restart.exposure(setup.settings.optimiser.exposure),
+            None => {
+                setup.decide_by_photographs(dataset, tell)?;
+                setup.choose_variants(gpu, cache, tell)?;
+            }
         }
         Ok(setup)
     }
@@ -164,11 +172,15 @@ impl Setup {
         Ok(())
     }
 
-    /// Decides how long splats grow, which may depend on the photographs.
-    fn decide_by_photographs(&mut self, tell: &mut dyn FnMut(SetupEvent<'_>)) {
+    /// Decides what the settings leave to the photographs: whether exposures are learned, and how long splats grow.
+    fn decide_by_photographs(&mut self, dataset: &Dataset, tell: &mut dyn FnMut(SetupEvent<'_>)) -> Result<(), Error> {
+        if let Some(evidence) = decide_exposures(dataset, &self.input, &mut self.settings)? {
+            tell(SetupEvent::ExposuresDecided(&evidence));
+        }
         if let Some(known) = grow_on(&self.input, &mut self.settings) {
             tell(SetupEvent::GrowsLonger { known });
         }
+        Ok(())
     }
 
     /// Chooses the variants of the passes. Writes them into the settings if a repeated run needs them there: for a

@@ -193,9 +193,12 @@ pub enum Exposure {
     Off,
     /// An affine map of colours per photograph; the mean over photographs is the identity.
     Affine,
+    /// One of these, by whether exposures vary: decided from the photographs before the first step
+    /// ([`crate::train::prepare::decide_exposures`]). A training that begins undecided has none.
+    Auto,
 }
 
-words!(Exposure, "exposure": Off = "off", Affine = "affine");
+words!(Exposure, "exposure": Off = "off", Affine = "affine", Auto = "auto");
 as_word!(Exposure);
 
 words!(MaskIgnores, "colour of masks": Black = "black", White = "white");

@@ -6,7 +6,7 @@ use crate::pass::counters;
 use crate::raster::{PLANES, Variants};
 use crate::train::Error;
 use crate::train::input::TrainedOn;
-use crate::train::settings::Settings;
+use crate::train::settings::{Exposure, Settings};
 use crate::train::state::State;
 
 /// Prefixes of the sections of moments, before the planes' names. Packed moments use the first prefix alone.
@@ -37,6 +37,17 @@ pub struct Restart {
     pub history: History,
     /// The training photographs; `None` for older checkpoints.
     pub trained_on: Option<TrainedOn>,
+}
+
+impl Restart {
+    /// What was decided about exposures where that was left to the photographs.
+    pub(in crate::train) fn exposure(&self, asked: Exposure) -> Exposure {
+        match asked {
+            Exposure::Auto if self.state.exposures.is_empty() => Exposure::Off,
+            Exposure::Auto => Exposure::Affine,
+            decided => decided,
+        }
+    }
 }
 
 /// Contents of a checkpoint of a training.

@@ -2,9 +2,31 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::painted::Decal;
 use super::{Sample, letter};
 use crate::world::noise::{fbm2, noise2};
+use crate::world::site::Footprint;
+
+/// The kind of a marked patch of ground.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum DecalKind {
+    /// Tennis court.
+    Court,
+    /// Parking lot.
+    Parking,
+    /// Evenly sown grass.
+    Meadow,
+    /// An elliptic pond.
+    Pond,
+    /// A paved place with lettering and a resolution star.
+    Plaza,
+}
+
+/// A marked patch of ground.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Decal {
+    pub(crate) area: Footprint,
+    pub(crate) kind: DecalKind,
+}
 
 fn grain(p: DVec2, seed: u32) -> f32 {
     (0.9 + 0.2 * noise2(p * 8.0, seed ^ 0x50)) as f32

@@ -1,6 +1,6 @@
 //! The ground's appearance: roads and pavements, yards, lawns, marked courts, and fields beyond the site.
 
-use super::painted::{Decal, DecalKind};
+use super::decal::{Decal, DecalKind};
 use glam::{DVec2, DVec3, Vec3};
 
 use super::{Sample, decal};

@@ -5,12 +5,11 @@
 mod building;
 mod decal;
 mod ground;
-mod painted;
 mod plant;
 
 pub(crate) use building::{Facade, Wall};
+pub(crate) use decal::{Decal, DecalKind};
 pub(crate) use ground::{GroundMap, OnGround};
-pub(crate) use painted::{Decal, DecalKind};
 
 use glam::{DVec2, DVec3, Vec3};
 
