@@ -384,6 +384,8 @@ fn metrics_have_exactly_the_promised_keys() {
         "seed",
         "device",
         "psnr",
+        "psnr_seen",
+        "seen",
         "psnr_cc",
         "ssim",
         "splats",
@@ -402,6 +404,7 @@ fn metrics_have_exactly_the_promised_keys() {
     expected.sort_unstable();
     assert_eq!(keys, expected);
     assert_eq!((json["psnr"].as_f64(), json["ssim"].as_f64()), (Some(21.5), Some(0.6)));
+    assert_eq!((json["psnr_seen"].as_f64(), json["seen"].as_f64()), (Some(22.5), Some(0.9)));
     assert_eq!((json["psnr_cc"].as_f64(), json["images"][0]["psnr_cc"].as_f64()), (Some(23.5), Some(22.0)));
     assert_eq!(json["images"][1]["name"], "b.jpg");
     assert_eq!(Metrics::read(&path).unwrap(), m);

@@ -22,7 +22,12 @@ pub struct ImageScore {
     pub psnr: f64,
     /// The same over the pixels that at least one photograph to train on sees ([`super::SeenPixels`]); nothing where
     /// there is no such pixel, or which these are was not asked.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        serialize_with = "known_or_null",
+        deserialize_with = "null_is_known_infinite"
+    )]
     pub psnr_seen: Option<f64>,
     /// The share of these pixels, from 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -273,6 +278,14 @@ fn parse_peak(status: &str) -> Option<u64> {
 
 fn finite_or_null<S: Serializer>(value: &f64, s: S) -> Result<S::Ok, S::Error> {
     if value.is_finite() { s.serialize_f64(*value) } else { s.serialize_none() }
+}
+
+fn known_or_null<S: Serializer>(value: &Option<f64>, s: S) -> Result<S::Ok, S::Error> {
+    finite_or_null(&value.unwrap_or(f64::NAN), s)
+}
+
+fn null_is_known_infinite<'de, D: Deserializer<'de>>(d: D) -> Result<Option<f64>, D::Error> {
+    null_is_infinite(d).map(Some)
 }
 
 fn null_is_infinite<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
