@@ -249,7 +249,7 @@ fn a_resumed_run_keeps_what_photographs_decided_of_exposures() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("run");
     let (data, out) = (shared.data(), text(&out));
-    let told = |said: &str| said.lines().filter(|line| line.contains("are learned")).count();
+    let told = |said: &str| said.lines().filter(|line| line.contains("are learned: ")).count();
     let begin = ["train", text(&data), "--out", out, "--method=3dgs", "--iterations=3", "--exposure=auto"];
     assert_eq!(told(&works(&begin)), 1);
     let settings = || Settings::read(&Path::new(out).join("settings.toml")).expect("settings").optimiser.exposure;

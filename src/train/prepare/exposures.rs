@@ -1,5 +1,5 @@
-//! Whether exposures are learned, where that is left to the photographs: decided before the first step by the colours of points that
-//! several photographs show, or else by what the cameras noted.
+//! Decides before the first step whether exposures are learned, if the settings leave that to the photographs: by the
+//! colours of points in several photographs, or without points by the exposures that the cameras noted.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -13,10 +13,10 @@ use crate::scene::Camera;
 use crate::train::settings::{Exposure, Settings};
 use crate::train::{Error, Input, View};
 
-/// Exposures are learned where gains of the photographs take away more than this share of the differences that remain when the viewing
-/// direction has explained its part; two standard errors above.
+/// Exposures are learned if gains of the photographs explain more than this share, by two standard errors, of the colour
+/// differences that viewing directions leave. With gains painted on photographs this is where maps begin to pay.
 const SHARE: f64 = 0.3;
-/// ... and where these gains change a colour by this much or more.
+/// The gains also have to change colours by at least this share.
 const SPREAD: f64 = 0.01;
 /// Fewer points say nothing.
 const FEWEST_POINTS: usize = 100;
@@ -63,8 +63,8 @@ impl fmt::Display for ExposureEvidence {
         match self {
             Self::Colours(found) => write!(
                 f,
-                "{outcome}: a gain of each photograph explains {} (+-{}) of how colours of {} differ between photographs \
-                 beside their viewing directions, and changes colours by {}",
+                "{outcome}: one gain for each photograph explains {} (+-{}) of the colour differences of {} between \
+                 photographs that viewing directions leave, and changes colours by {}",
                 percent(found.share.max(0.0), 0),
                 percent(found.share_error, 0),
                 counted(found.points, "point"),

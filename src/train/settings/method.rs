@@ -23,8 +23,8 @@ pub enum Method {
     /// `lean`: 3dgs with sampled growth, fading opacities instead of resets, and coarse photographs first; no part of
     /// the psrgs paper.
     Lean,
-    /// `psrgs`: progressive spectral residual splatting with the parts that pay, with exposures, and with surfaces
-    /// continued to places that few photographs see.
+    /// `psrgs`: progressive spectral residual splatting with the parts that pay, with exposures if these vary, and with
+    /// surfaces continued to places that few photographs see.
     Psrgs,
     /// `psrgs-paper`: progressive spectral residual splatting with every part of the paper, whether it pays or not.
     PsrgsPaper,
@@ -190,7 +190,7 @@ fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "prune-young" density.prune_young = 0.0,
         "stereo-alone" geometry.stereo_alone = 3,
         "stereo-skirt" geometry.stereo_skirt = 0.5,
-        "exposure" optimiser.exposure = Exposure::Affine,
+        "exposure" optimiser.exposure = Exposure::Auto,
         "visible-adam" shortcuts.visible_adam = true,
         // Splats of low alpha at a pixel are half of the blending work, and say little until splats have found their
         // positions.
