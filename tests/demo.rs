@@ -55,7 +55,8 @@ fn a_small_demo_leaves_everything_it_promises() {
     assert_eq!((metrics["iterations"].as_u64(), metrics["test_images"].as_u64()), (Some(40), Some(2)));
     assert!(metrics["splats"].as_u64().is_some_and(|n| n > 100 && n <= 3000), "{}", metrics["splats"]);
     for key in "psnr_offpath depth_median_error depth_within_0_5_percent depth_within_2_percent normal_median_degrees \
-                floaters"
+                floaters floaters_front floaters_behind floaters_front_offpath floaters_behind_offpath \
+                depth_of_median_error depth_of_median_error_offpath depth_points_error depth_points_error_expected"
         .split_whitespace()
     {
         assert!(metrics[key].is_f64(), "{key}: {}", metrics[key]);

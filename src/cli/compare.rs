@@ -3,21 +3,22 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use anyhow::Context as _;
 use psrgs_vk::compare::{Finished, Run, Size, csv, markdown, page};
-use psrgs_vk::eval::Metrics;
+use psrgs_vk::eval::{Geometry, Metrics};
 use psrgs_vk::format::atomic;
 use psrgs_vk::numbers::counted;
 use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::{LidarCloud, Method, Split};
 
 use super::console::{self, Console};
+use super::eval;
 use super::exit::Failure;
 use super::interrupt::Interrupt;
-use super::run_folder::SETTINGS;
+use super::run_folder::{MODEL, SETTINGS};
 use ablate::Row;
 
 mod ablate;
@@ -81,6 +82,8 @@ pub(crate) struct Args {
 
 /// File with the seconds of a run, beside its metrics.
 const SECONDS: &str = "process_seconds.txt";
+/// File with the scores of a run whose depths stereo judged too, beside its metrics.
+const JUDGED: &str = "judged.json";
 /// File with the options of a run, beside its metrics.
 const OPTIONS: &str = "options.txt";
 
@@ -96,7 +99,12 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyh
         let options = options(args, run, &finished)?;
         same_as_before(&at, run, &options)?;
         if !at.join("metrics.json").is_file() {
+            // What was judged before is another model.
+            let _ = fs::remove_file(at.join(JUDGED));
             train(run, &at, &options, interrupt)?;
+        }
+        if !at.join(JUDGED).is_file() {
+            judge(args, run, &at, interrupt, console)?;
         }
         let one = read(run, &at)?;
         console.say(format_args!(
@@ -260,6 +268,25 @@ fn train(run: &Run, at: &Path, options: &[String], interrupt: &Interrupt) -> any
     }
 }
 
+/// Has stereo of the held-out photographs judge the depths of a run too, in a process of its own. A comparison does
+/// without where that fails.
+fn judge(args: &Args, run: &Run, at: &Path, interrupt: &Interrupt, console: &Console) -> anyhow::Result<()> {
+    let mut command = Command::new(std::env::current_exe().context("this program has no file")?);
+    command.arg("--quiet").arg("eval").arg(at.join(MODEL)).arg(&run.data);
+    command.arg("--judge-depths").arg("--json").arg(at.join(JUDGED));
+    command.args(["--max-side", &args.max_side.to_string(), "--split", &args.split.to_string()]);
+    command.args(args.strict.then_some("--strict"));
+    command.args(eval::known_options(run.options.iter().chain(&args.options)));
+    let status = child::run(command.stdout(Stdio::null()), interrupt).context("the model cannot be scored")?;
+    if interrupt.asked() {
+        return Err(Failure::Interrupted("stopped; the same command goes on from here".into()).into());
+    }
+    if !status.success() {
+        console.warn(format_args!("{}: stereo does not judge the depths of this run ({status})", run.folder()));
+    }
+    Ok(())
+}
+
 /// The number of splats that a share of those of 3dgs comes to.
 fn allowed(run: &Run, share: u32, finished: &[Finished]) -> anyhow::Result<u64> {
     let same = |f: &&Finished| {
@@ -277,7 +304,14 @@ fn seconds(at: &Path) -> Option<f64> {
 fn read(run: &Run, at: &Path) -> anyhow::Result<Finished> {
     let file = at.join("metrics.json");
     let text = psrgs_vk::format::read_text(&file).with_context(|| Failure::Input(file.display().to_string()))?;
-    let metrics: Metrics = serde_json::from_str(&text).with_context(|| Failure::Input(file.display().to_string()))?;
+    let mut metrics: Metrics =
+        serde_json::from_str(&text).with_context(|| Failure::Input(file.display().to_string()))?;
+    if let Ok(text) = fs::read_to_string(at.join(JUDGED)) {
+        let judged: Geometry =
+            serde_json::from_str(&text).with_context(|| Failure::Input(at.join(JUDGED).display().to_string()))?;
+        metrics.geometry.depth_stereo_error = judged.depth_stereo_error;
+        metrics.geometry.depth_stereo_error_expected = judged.depth_stereo_error_expected;
+    }
     let seconds = seconds(at).unwrap_or(metrics.seconds);
     let world = run.data.join("world.toml").is_file();
     Ok(Finished { run: run.clone(), metrics, seconds, settings: settings(at), world })

@@ -5,18 +5,21 @@ mod results;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use clap::{Args as _, Command};
 use psrgs_vk::dataset::{Dataset, LoadOptions, Role, Warning};
-use psrgs_vk::eval::{Geometry, GeometryTruth, SeenPixels, geometry};
+use psrgs_vk::eval::geometry::{self, JudgedDepth};
+use psrgs_vk::eval::{Geometry, SeenPixels};
 use psrgs_vk::format::atomic;
 use psrgs_vk::numbers::{counted, grouped, of_count};
 use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice, HostChoice, Photographs, Scoring, Split};
 use psrgs_vk::train::{View, prepare};
+use psrgs_vk::vk::Gpu;
 
 use super::colour::Colour;
 use super::console::{self, Console};
 use super::exit::Failure;
 use super::exposure_args::{self, ExposureArgs};
-use super::held_out::{Compared, Comparison};
+use super::held_out::{self, Compared, Comparison};
 use super::lpips::Lpips;
 use super::model_file::DrawingArgs;
 use super::model_file::{Drawn, ModelFile};
@@ -49,6 +52,9 @@ pub(crate) struct Args {
     /// Colour behind the splats: black, white, #rrggbb, or R,G,B with numbers from 0 to 1
     #[arg(long, value_name = "COLOUR", default_value = "black")]
     pub(crate) background: Colour,
+    /// Judge depths also by stereo of the held-out photographs, which takes as long as stereo of a training
+    #[arg(long)]
+    pub(crate) judge_depths: bool,
     /// Draw as a model trained with --antialias [default: what the model file says]
     #[arg(long)]
     pub(crate) antialias: bool,
@@ -104,6 +110,10 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     drawn.warn_if_unseen(&args.model, &args.data, console);
     let compared = comparison.end();
     let geometry = known_geometry(&dataset, &options, &model, &mut drawn)?;
+    let geometry = match args.judge_depths {
+        true => judged_by_stereo(args, geometry, &dataset, &mut drawn, &gpu, console)?,
+        false => geometry,
+    };
     tell_scores(&compared, &geometry, console)?;
 
     let size = views.first().map_or((0, 0), |v| (v.camera.width, v.camera.height));
@@ -116,6 +126,25 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         console.say(format_args!("pictures and report in {}", folder.display()));
     }
     Ok(())
+}
+
+/// Of options of `train` those that say the same to `eval`: which photographs there are, and what computes.
+pub(crate) fn known_options<'a>(options: impl Iterator<Item = &'a String>) -> Vec<String> {
+    let known = Photographs::augment_args(HostChoice::augment_args(DeviceChoice::augment_args(Command::new("eval"))));
+    let (mut kept, mut values) = (Vec::new(), 0);
+    for word in options {
+        let name =
+            word.strip_prefix("--").map(|name| name.split_once('=').map_or((name, false), |(name, _)| (name, true)));
+        if let Some((name, with_value)) = name {
+            let arg = known.get_arguments().find(|arg| arg.get_long() == Some(name));
+            values = arg.map_or(0, |arg| 1 + usize::from(arg.get_action().takes_values() && !with_value));
+        }
+        if values > 0 {
+            values -= 1;
+            kept.push(word.clone());
+        }
+    }
+    kept
 }
 
 /// Checks that the results can be written and replace no training, before any work is done.
@@ -214,18 +243,35 @@ fn warn_of_differences(args: &Args, options: &LoadOptions, dataset: &Dataset, co
     }
 }
 
-/// Compares the model with the ground truth beside the dataset, if there is any.
+/// Compares the model with the dataset's ground truth and reconstructed points, as far as there are any.
 fn known_geometry(
     dataset: &Dataset,
     options: &LoadOptions,
     model: &ModelFile,
     drawn: &mut Drawn,
 ) -> anyhow::Result<Geometry> {
-    let truth = GeometryTruth::find(dataset, options)?;
-    if truth.is_empty() {
-        return Ok(Geometry::default());
+    geometry::measure_by(dataset, options, &model.in_scene(&dataset.frame), |camera, known| {
+        Ok((drawn.picture(camera, true)?, drawn.probe(camera, known)?))
+    })
+}
+
+/// Judges the depths of the model by stereo of the held-out photographs too.
+fn judged_by_stereo(
+    args: &Args,
+    geometry: Geometry,
+    dataset: &Dataset,
+    drawn: &mut Drawn,
+    gpu: &Gpu,
+    console: &Console,
+) -> anyhow::Result<Geometry> {
+    let judges = held_out::depths_by_stereo(dataset, &args.host, gpu, console)?;
+    if judges.is_empty() {
+        console.warn("stereo is confident of no depth of a held-out photograph: it judges none");
     }
-    geometry::measure(&truth, &model.in_scene(&dataset.frame), |camera| Ok(drawn.picture(camera, true)?))
+    let stereo = JudgedDepth::of(&judges, |camera, known| {
+        anyhow::Ok((drawn.picture(camera, true)?, drawn.probe(camera, known)?))
+    })?;
+    Ok(Geometry { depth_stereo_error: stereo.median, depth_stereo_error_expected: stereo.expected, ..geometry })
 }
 
 /// Prints the scores.
@@ -238,4 +284,15 @@ fn tell_scores(compared: &Compared, geometry: &Geometry, console: &Console) -> a
         console::print(&results::geometry_table(geometry))?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn eval_is_handed_the_options_that_it_knows() {
+        let options = ["--lr-means", "0.1", "--split=val", "--strict", "--sh-degree=2", "--images", "half", "--masks"];
+        let options: Vec<String> = options.map(str::to_owned).into();
+        let kept = super::known_options(options.iter());
+        assert_eq!(kept, ["--split=val", "--strict", "--images", "half"]);
+    }
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use psrgs_vk::format::{FrameFile, ply};
 use psrgs_vk::numbers::counted;
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::raster::{Picture, Planes, RenderView, Variants, Viewer};
+use psrgs_vk::raster::{DepthProbe, Picture, Planes, RenderView, Variants, Viewer};
 use psrgs_vk::scene::{Camera, Frame, Gaussians};
 use psrgs_vk::train::settings::BlendingVariants;
 use psrgs_vk::vk::{self, Gpu};
@@ -156,6 +156,12 @@ impl Drawn {
     }
 
     /// Warns where no render shows a splat: model and cameras do not belong together.
+    /// Depths at the pixels of a camera of the scene, and the weights in front of and behind `known` ones.
+    pub(crate) fn probe(&mut self, camera: &Camera, known: Option<&[f32]>) -> Result<DepthProbe, vk::Error> {
+        let view = RenderView { camera: *camera, projection: self.projection, background: self.background };
+        self.viewer.probe(&self.planes, self.splats, &view, known)
+    }
+
     pub(crate) fn warn_if_unseen(&self, model: &Path, dataset: &Path, console: &Console) {
         if !self.seen {
             console.warn(format_args!(

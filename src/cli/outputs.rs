@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use psrgs_vk::dataset::{Dataset, Role, Warning};
 use psrgs_vk::eval::{
-    self, ExposureScores, Geometry, GeometryError, GeometryTruth, Metrics, SeenPixels, TrainingPhotograph, geometry,
-    median_loss, misfits,
+    self, ExposureScores, Geometry, GeometryError, Metrics, SeenPixels, TrainingPhotograph, geometry, median_loss,
+    misfits,
 };
 use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile, FRAME_FILE, FrameFile, ply};
 use psrgs_vk::numbers::{counted, grouped, of_count, percent};
@@ -60,7 +60,7 @@ pub(crate) fn write(
     let sigmas = stages::sigmas(trainer, run.folder)?;
     // Damaged ground truth must not cost the results of a training.
     let geometry = known_geometry(run, &saved.model, trainer).unwrap_or_else(|problem| {
-        console.warn(format_args!("the geometry is not compared with the ground truth: {problem:#}"));
+        console.warn(format_args!("the geometry is not judged: {problem:#}"));
         Geometry::default()
     });
     let metrics = metrics(run, trainer, &saved, exposures, geometry, peak_device_bytes).with_images(images);
@@ -141,14 +141,12 @@ fn seen_pixels(run: &Finished<'_>) -> Result<SeenPixels, GeometryError> {
     SeenPixels::of(run.dataset, &share, |name| !left_out(name))
 }
 
-/// Compares the model with the ground truth beside the dataset, if there is any.
+/// Compares the model with the dataset's ground truth and reconstructed points, as far as there are any.
 fn known_geometry(run: &Finished<'_>, model: &Gaussians, trainer: &mut Trainer) -> anyhow::Result<Geometry> {
     let options = prepare::load_options_of(run.settings);
-    let truth = GeometryTruth::find(run.dataset, &options)?;
-    if truth.is_empty() {
-        return Ok(Geometry::default());
-    }
-    geometry::measure(&truth, model, |camera| Ok(trainer.picture(camera)?))
+    geometry::measure_by(run.dataset, &options, model, |camera, known| {
+        Ok((trainer.picture(camera)?, trainer.probe(camera, known)?))
+    })
 }
 
 /// The numbers of the run except those of its images.
@@ -261,7 +259,7 @@ fn tell(metrics: &Metrics, model: &Path, report: &Path, console: &Console) {
     let known: Vec<String> =
         metrics.geometry.rows().into_iter().map(|(name, value)| format!("{name} {value}")).collect();
     if !known.is_empty() {
-        console.say(format_args!("against the ground truth: {}", known.join("; ")));
+        console.say(format_args!("geometry: {}", known.join("; ")));
     }
     console.say(format_args!(
         "{} in {}; report: {}",

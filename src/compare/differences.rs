@@ -105,6 +105,7 @@ pub(super) fn differences(finished: &[Finished]) -> String {
         let title = format!("Against {}{limit}", cell(base));
         out += &pictures(&of_size, base, &others, &title);
         out += &geometry(&of_size, base, &others, &title);
+        out += &judged(&of_size, base, &others, &title);
         if size == Size::Own {
             out += &parts(&of_size, &others);
             out += &noise(&of_size);
@@ -150,28 +151,53 @@ fn pictures(finished: &[&Finished], base: &str, others: &[&str], title: &str) ->
 
 /// Differences of the geometry metrics that all runs of scenes with a ground truth have.
 fn geometry(finished: &[&Finished], base: &str, others: &[&str], title: &str) -> String {
-    let known: Vec<&Finished> = finished.iter().copied().filter(|f| !keys(f).is_empty()).collect();
-    let units = scenes(&known, |_| true);
-    let of_units: Vec<&Finished> = finished.iter().copied().filter(|f| units.contains(&f.run.scene.as_str())).collect();
-    let mut names: Vec<String> = known.first().map(|f| keys(f).into_keys().collect()).unwrap_or_default();
-    names.retain(|name| of_units.iter().all(|f| keys(f).contains_key(name)));
+    let against_truth = |f: &Finished| -> Vec<String> { keys(f).into_keys().filter(|name| !is_judged(name)).collect() };
+    let known = scenes(finished, |f| !against_truth(f).is_empty());
+    let units = format!("The unit is the scene with a known geometry, each world for itself: n = {}", known.len());
+    let of_units: Vec<&Finished> = finished.iter().copied().filter(|f| known.contains(&f.run.scene.as_str())).collect();
+    geometry_of(&of_units, against_truth, [base, &format!("{title}, geometry"), &units], others)
+}
+
+/// Differences of the depths of real scenes as reconstructed points and stereo judge them.
+fn judged(finished: &[&Finished], base: &str, others: &[&str], title: &str) -> String {
+    let by_judges = |f: &Finished| -> Vec<String> { keys(f).into_keys().filter(|name| is_judged(name)).collect() };
+    let known = scenes(finished, |f| !f.world && !by_judges(f).is_empty());
+    let of_units: Vec<&Finished> = finished.iter().copied().filter(|f| known.contains(&f.run.scene.as_str())).collect();
+    let table = format!("{title}, depths by reconstructed points and by stereo of the held-out photographs");
+    let units = format!("The unit is the scene that is no world: n = {}", known.len());
+    geometry_of(&of_units, by_judges, [base, &table, &units], others)
+}
+
+/// Whether points or stereo judge a depth, which says nothing of the truth.
+fn is_judged(name: &str) -> bool {
+    name.starts_with("depth_points") || name.starts_with("depth_stereo")
+}
+
+/// Differences of the metrics that all runs have. `texts`: the base, the title of the table, and what its unit is.
+fn geometry_of(
+    finished: &[&Finished],
+    names: impl Fn(&Finished) -> Vec<String>,
+    [base, title, units]: [&str; 3],
+    others: &[&str],
+) -> String {
+    let mut names = finished.first().map(|f| names(f)).unwrap_or_default();
+    names.retain(|name| finished.iter().all(|f| keys(f).contains_key(name)));
     if names.is_empty() {
         return String::new();
     }
-    let mut out = format!("\n{title}, geometry:\n\n| method |");
+    let mut out = format!("\n{title}:\n\n| method |");
     names.iter().for_each(|name| out += &format!(" {} |", cell(name)));
     out += &format!("\n|---|{}\n", "---|".repeat(names.len()));
     for label in others {
         out += &format!("| {} |", marked(finished, label));
         for name in &names {
             let measure = of_geometry(name);
-            let each = by_unit(&of_units, label, base, &measure, |f| keys(f).get(name).copied());
+            let each = by_unit(finished, label, base, &measure, |f| keys(f).get(name).copied());
             out += &format!(" {} |", shown(&each, &measure));
         }
         out.push('\n');
     }
-    let units = format!("The unit is the scene with a known geometry, each world for itself: n = {}", units.len());
-    out + &caption(&units, base, finished) + "Pairs of which one number is 0 have no ratio and are left out.\n"
+    out + &caption(units, base, finished) + "Pairs of which one number is 0 have no ratio and are left out.\n"
 }
 
 /// How a geometry metric of this name is compared.

@@ -192,7 +192,7 @@ fn geometry(finished: &[Finished]) -> String {
         }
         out.push('\n');
     }
-    out + "\nGeometry against the truth, means over the seeds.\n"
+    out + "\nGeometry against the truth, means over the seeds; depths also against reconstructed points and stereo.\n"
 }
 
 /// All geometry metrics that some run has.
@@ -353,6 +353,26 @@ mod tests {
         assert!(text.contains("each world for itself: n = 2."), "{text}");
         let csv = csv(&all);
         assert!(csv.lines().next().is_some_and(|line| line.ends_with(",seconds,depth_median_error,floaters")), "{csv}");
+    }
+
+    /// Depths by points of a world and of two scenes: the scenes alone are units.
+    #[test]
+    fn judged_depths_are_compared_over_real_scenes() {
+        let mut all = Vec::new();
+        for (scene, world) in [("world", true), ("fox", false), ("copr", false)] {
+            for (label, error) in [("psrgs", 0.01), ("3dgs", 0.02)] {
+                let mut one = finished(scene, label, 0, 20.0, 10);
+                one.world = world;
+                one.metrics.geometry.depth_points_error = Some(if world { 0.3 } else { error });
+                one.metrics.geometry.depth_median_error = world.then_some(error);
+                all.push(one);
+            }
+        }
+        let text = markdown(&all);
+        let points = "| method | depth\\_points\\_error |\n|---|---|\n| psrgs | -50.0 [-50.0, -50.0] % *; 2 of 2 |\n";
+        assert!(text.contains(points) && text.contains("no world: n = 2."), "{text}");
+        let truth = "| method | depth\\_median\\_error |\n|---|---|\n| psrgs | -50.0 % |\n";
+        assert!(text.contains(truth) && text.contains("each world for itself: n = 1."), "{text}");
     }
 
     #[test]

@@ -29,6 +29,22 @@ impl Camera {
         std::array::from_fn(|i| -(r[0][i] * t[0] + r[1][i] * t[1] + r[2][i] * t[2]))
     }
 
+    /// Position in pixels and depth of a scene point; `None` behind the camera and outside of the photograph.
+    pub fn placed(&self, point: [f64; 3]) -> Option<[f64; 3]> {
+        let c = self.center();
+        let [x, y, z] = self.rotation.map(|row| (0..3).map(|k| row[k] * (point[k] - c[k])).sum::<f64>());
+        let (u, v) = (self.fx * x / z + self.cx, self.fy * y / z + self.cy);
+        let inside = z > 0.0 && (0.0..f64::from(self.width)).contains(&u) && (0.0..f64::from(self.height)).contains(&v);
+        inside.then_some([u, v, z])
+    }
+
+    /// The scene point at a position in pixels and a depth.
+    pub fn lifted(&self, [u, v]: [f64; 2], depth: f64) -> [f64; 3] {
+        let ray = [(u - self.cx) / self.fx * depth, (v - self.cy) / self.fy * depth, depth];
+        let c = self.center();
+        std::array::from_fn(|i| c[i] + (0..3).map(|k| self.rotation[k][i] * ray[k]).sum::<f64>())
+    }
+
     /// The camera of a window of the image. `left` and `top` are the window's first column and row; its pixels are
     /// those of the image.
     pub fn window(&self, (left, top): (u32, u32), (width, height): (u32, u32)) -> Self {

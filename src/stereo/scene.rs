@@ -90,20 +90,31 @@ impl Scene {
         share: &HostShare,
         photograph: impl Fn(&dataset::View) -> Result<Photograph, dataset::Error> + Sync,
     ) -> Result<Self, Error> {
-        settings.check()?;
         let chosen: Vec<usize> = dataset.views_of(Role::Train).map(|(i, _)| i).collect();
-        let seen = Observations::of(dataset, &chosen, settings.seed.into());
+        Self::of_views(dataset, &chosen, settings, share, |view| Ok(Arc::new(photograph(view)?.pixels)))
+    }
+
+    /// The same of other photographs: `chosen` are their positions in the dataset, and `pixels` decodes one.
+    pub fn of_views(
+        dataset: &Dataset,
+        chosen: &[usize],
+        settings: &Settings,
+        share: &HostShare,
+        pixels: impl Fn(&dataset::View) -> Result<Arc<Pixels>, dataset::Error> + Sync,
+    ) -> Result<Self, Error> {
+        settings.check()?;
+        let seen = Observations::of(dataset, chosen, settings.seed.into());
         let views: Vec<(&dataset::View, Camera)> =
             chosen.iter().filter_map(|&i| Some((dataset.views.get(i)?, dataset.scene_camera(i)?))).collect();
         let pending: Vec<Pending<'_>> = views
             .iter()
             .map(|(view, camera)| Pending { name: &view.name, camera: *camera, bytes: view.decoding_bytes() })
             .collect();
-        let pixels = |k: usize| match views.get(k) {
-            Some((view, _)) => Ok(Arc::new(photograph(view)?.pixels)),
+        let of_view = |k: usize| match views.get(k) {
+            Some((view, _)) => pixels(view),
             None => Ok(Arc::new(Pixels::Rgba8(Vec::new()))),
         };
-        Ok(Self::new(&pending, &seen, settings, share, pixels)?)
+        Ok(Self::new(&pending, &seen, settings, share, of_view)?)
     }
 
     /// From photographs and the points that they see. `pixels` decodes a photograph by its number, as memory of `share`
@@ -135,9 +146,7 @@ impl Scene {
         let in_view = |k: usize| {
             seen.drawn
                 || seen.points.is_empty()
-                || own[k]
-                    .iter()
-                    .any(|p| seen.points.get(*p as usize).is_some_and(|p| placed(&cameras[k], *p).is_some()))
+                || own[k].iter().any(|p| seen.points.get(*p as usize).is_some_and(|p| cameras[k].placed(*p).is_some()))
         };
         let why = |k| if in_view(k) { WithoutDepth::NoOtherView } else { WithoutDepth::NothingInView };
         let skipped = alone.map(|(view, _)| Skipped { view, name: names[view].clone(), why: why(view) }).collect();
@@ -203,7 +212,7 @@ impl Observations {
         let counts = |k: &u32| nothing_else || self.assumed.binary_search(k).is_err();
         let trusted =
             |p: &u32| self.views.get(*p as usize).is_some_and(|v| v.iter().filter(|k| counts(k)).count() >= least);
-        let place = |view: &View, p: u32| placed(&view.camera, *self.points.get(p as usize)?);
+        let place = |view: &View, p: u32| view.camera.placed(*self.points.get(p as usize)?);
         let own = self.by_view(views.len());
         let of = |(k, (view, own)): (u32, (&View, Vec<u32>))| match counts(&k) {
             true => own.into_iter().filter(trusted).filter_map(|p| place(view, p)).collect(),
@@ -246,7 +255,7 @@ fn view(
     own: &[u32],
     seen: &Observations,
 ) -> View {
-    let placed: Vec<[f64; 3]> = own.iter().filter_map(|p| placed(camera, *seen.points.get(*p as usize)?)).collect();
+    let placed: Vec<[f64; 3]> = own.iter().filter_map(|p| camera.placed(*seen.points.get(*p as usize)?)).collect();
     let depths = depth_range(placed.iter().map(|p| p[2]));
     let start = match seen.drawn || placed.len() < FEW_POINTS {
         true => InitialPlanes::Random,
@@ -267,15 +276,6 @@ fn view(
         start,
         wanted: opaque.contains(&false).then_some(opaque),
     }
-}
-
-/// Position of a point in pixels, and its depth; `None` outside the photograph.
-fn placed(camera: &Camera, point: [f64; 3]) -> Option<[f64; 3]> {
-    let c = camera.center();
-    let [x, y, z] = camera.rotation.map(|row| (0..3).map(|k| row[k] * (point[k] - c[k])).sum::<f64>());
-    let (u, v) = (camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy);
-    let inside = z > 0.0 && (0.0..f64::from(camera.width)).contains(&u) && (0.0..f64::from(camera.height)).contains(&v);
-    inside.then_some([u, v, z])
 }
 
 /// Red, green, blue and alpha from 0 to 1, at another size; all zero where the number of pixels does not fit the size.

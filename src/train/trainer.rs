@@ -32,7 +32,7 @@ use super::settings::Settings;
 use super::tune::chosen_variants;
 use crate::eval::Exposures;
 use crate::format;
-use crate::raster::{Picture, Variants};
+use crate::raster::{DepthProbe, Picture, Variants};
 use crate::saliency;
 use crate::scene::ExposureMatrix;
 use crate::scene::{Camera, Gaussians};
@@ -334,6 +334,14 @@ impl Trainer {
         let step = self.drain_to_step()?;
         let sh_degree = self.schedule.step(step.max(1)).sh_degree;
         self.engine.picture(camera, sh_degree, self.settings.model.background.evaluated(), true)
+    }
+
+    /// Depths of the current model at the pixels of a camera, and blend weights in front of and behind `known` depths:
+    /// see [`crate::raster::Viewer::probe`].
+    pub fn probe(&mut self, camera: &Camera, known: Option<&[f32]>) -> Result<DepthProbe, Error> {
+        let step = self.drain_to_step()?;
+        let sh_degree = self.schedule.step(step.max(1)).sh_degree;
+        self.engine.probe(camera, sh_degree, known)
     }
 
     /// The curves so far.

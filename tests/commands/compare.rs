@@ -33,6 +33,12 @@ fn methods_are_compared_and_a_stopped_comparison_goes_on() {
     assert!(table.contains("| scene | lean, 50 % of 3dgs | 1 |") && table.contains("Against 3dgs"), "{table}");
     assert!(table.contains("Against 3dgs, 50 % of the splats of 3dgs"), "{table}");
     assert!(table.contains("All rows share: preset standard, iterations 40, max-side 64, split test"), "{table}");
+    // Stereo of the held-out photographs judges the depths of every run.
+    let head = runs.lines().next().expect("a head").split(',').collect::<Vec<_>>();
+    let stereo = head.iter().position(|key| *key == "depth_stereo_error").expect("a column");
+    let judged = |line: &str| line.split(',').nth(stereo).is_some_and(|v| v.parse::<f64>().is_ok_and(|v| v < 1.0));
+    assert!(runs.lines().skip(1).all(judged), "{runs}");
+    assert!(table.contains(" depth\\_stereo\\_error |"), "{table}");
     let page = read("compare.html");
     assert!(page.contains("<svg") && !page.contains("http"), "the page loads something from outside");
 
@@ -48,6 +54,9 @@ fn methods_are_compared_and_a_stopped_comparison_goes_on() {
     fs::remove_dir_all(out.join("runs/scene-psrgs-s0/checkpoints")).expect("checkpoints");
     works(&args("1"));
     assert!(out.join("runs/scene-psrgs-s0/metrics.json").is_file());
+    let judged =
+        |run: &str| fs::metadata(out.join(run).join("judged.json")).and_then(|m| m.modified()).expect("scores");
+    assert!(judged("runs/scene-psrgs-s0") > judged("runs/scene-lean-s0"), "the new model is not judged");
     assert_eq!(fs::metadata(&model).and_then(|m| m.modified()).expect("a model"), before, "lean was trained again");
 }
 

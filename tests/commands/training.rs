@@ -16,7 +16,8 @@ const KEYS: &str = "method iterations scene train_images test_images width heigh
                     gmsd psnr_high_frequency splats bytes seconds seconds_stereo seconds_saliency \
                     seconds_per_iteration peak_device_bytes peak_host_bytes images training_photographs psnr_offpath \
                     depth_median_error depth_within_0_5_percent depth_within_2_percent depth_coverage \
-                    depth_median_error_offpath normal_median_degrees floaters";
+                    depth_median_error_offpath depth_of_median_error depth_of_median_error_offpath depth_points_error depth_points_error_expected floaters_front \
+                    floaters_behind floaters_front_offpath floaters_behind_offpath normal_median_degrees floaters";
 
 #[test]
 fn a_training_leaves_every_file_that_is_promised() {

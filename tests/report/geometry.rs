@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
-use psrgs_vk::dataset::{Dataset, HostShare, LoadOptions, Role};
-use psrgs_vk::eval::geometry::{Agreement, Closest, Known, measure, off_surface};
+use psrgs_vk::dataset::{Dataset, HostShare, LoadOptions, Role, Tracks};
+use psrgs_vk::eval::geometry::{Agreement, Closest, Judge, JudgedDepth, Known, measure, off_surface};
 use psrgs_vk::eval::{Geometry, GeometryTruth, SeenPixels};
 use psrgs_vk::format::image_out::{read_depth, read_normals};
 use psrgs_vk::format::ply::Mesh;
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::raster::{Picture, RenderView, Viewer};
+use psrgs_vk::raster::{DepthProbe, Picture, RenderView, Viewer};
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::{Camera, Frame, Gaussians};
 use psrgs_vk::vk::Gpu;
@@ -58,10 +58,51 @@ fn pictures_with_known_errors_give_these_errors() {
     assert_eq!(agreement.within(0.02), Some(5.0 / 8.0));
     assert_eq!(agreement.coverage(), Some(7.0 / 8.0));
     assert!((agreement.median_degrees().unwrap() - 9.0).abs() < 1e-3);
+    // Of the median depths that there are and have a truth, 0.0049 is the middle one; of four seen pixels with a truth
+    // a quarter of the weight is in front, and an eighth behind.
+    let median = |k: usize| if k < 7 { known.depth[k] * (1.0 + errors[k]) * scale as f32 } else { 0.0 };
+    let probe = DepthProbe {
+        width: 5,
+        height: 2,
+        median: (0..10).map(|k| if k == 9 { 5.0 } else { median(k) }).collect(),
+        front: vec![0.5, 0.25, 0.25, 0.0, 0.9, 0.9, 0.9, 0.9, 0.9, 0.9],
+        behind: vec![0.0, 0.0, 0.0, 0.5, 0.9, 0.9, 0.9, 0.9, 0.9, 0.9],
+    };
+    assert_eq!((agreement.error_of_median(), agreement.floaters()), (None, [None, None]));
+    agreement.add_probe(&probe, &known, &[true, true, true, true, false, false, false, false, true, true], scale);
+    assert!((agreement.error_of_median().unwrap() - 0.006).abs() < 1e-6);
+    assert_eq!(agreement.floaters(), [Some(0.25), Some(0.125)]);
+    // A picture at a wrong scale is wrong all over.
     // A depth map at a wrong scale is wrong everywhere.
     let mut other = Agreement::default();
     other.add(&picture, &known, 1.0);
     assert!((other.median_error().unwrap() - 0.75).abs() < 0.01 && other.within(0.02) == Some(0.0));
+}
+
+/// Four places in two photographs: one is nearly transparent, and of another only the expected depth is known.
+#[test]
+fn judged_depths_are_off_by_known_errors() {
+    let judge = |places: &[[f64; 3]]| Judge { camera: CAMERA, places: places.to_vec() };
+    let judges = [judge(&[[0.5, 0.5, 10.0], [4.9, 1.9, 20.0]]), judge(&[[2.1, 0.2, 4.0], [0.2, 1.0, 5.0]])];
+    // (pixel, opacity, expected depth, median depth)
+    let drawn = [[(0, 0.9, 10.1, 10.2), (9, 0.6, 20.6, 0.0)], [(2, 1.0, 3.6, 3.8), (5, 0.4, 9.0, 0.0)]];
+    let mut views = drawn.iter();
+    let judged = JudgedDepth::of(&judges, |camera, known| {
+        assert!(*camera == CAMERA && known.is_none());
+        let (mut rgbt, mut aux, mut median) = ([0.0, 0.0, 0.0, 1.0].repeat(10), vec![0.0; 40], vec![0.0; 10]);
+        for &(pixel, opacity, expected, of_median) in views.next().unwrap() {
+            (rgbt[4 * pixel + 3], aux[4 * pixel]) = (1.0 - opacity, expected * opacity);
+            median[pixel] = of_median;
+        }
+        let probe = DepthProbe { width: 5, height: 2, median, ..DepthProbe::default() };
+        anyhow::Ok((Picture { width: 5, height: 2, rgbt, aux: Some(aux) }, probe))
+    });
+    let judged = judged.unwrap();
+    // Of 1, 3 and 10 %; of 2 and 5 %, the upper one.
+    assert!((judged.expected.unwrap() - 0.03).abs() < 1e-6, "{judged:?}");
+    assert!((judged.median.unwrap() - 0.05).abs() < 1e-6, "{judged:?}");
+    let nothing = JudgedDepth::of(&[], |_, _| -> anyhow::Result<(Picture, DepthProbe)> { unreachable!("no judge") });
+    assert_eq!(nothing.unwrap(), JudgedDepth::default());
 }
 
 /// A square of 20 m at z = 3 in the dataset's units, moved by `offset`.
@@ -198,11 +239,47 @@ fn model_of_the_truth(root: &Path, data: &Dataset) -> Gaussians {
 fn compare(gpu: &Gpu, truth: &GeometryTruth, model: &Gaussians) -> Geometry {
     let mut viewer = Viewer::new(gpu);
     let planes = viewer.upload(model).unwrap();
-    measure(truth, model, |camera| {
+    measure(truth, model, |camera, known| {
         let shot = RenderView { camera: *camera, projection: Projection::default(), background: [0.0; 3] };
-        anyhow::Ok(viewer.render(&planes, model.len() as u32, &shot, true)?)
+        let splats = model.len() as u32;
+        anyhow::Ok((viewer.render(&planes, splats, &shot, true)?, viewer.probe(&planes, splats, &shot, known)?))
     })
     .unwrap()
+}
+
+fn judged(gpu: &Gpu, data: &Dataset, model: &Gaussians) -> JudgedDepth {
+    let mut viewer = Viewer::new(gpu);
+    let planes = viewer.upload(model).unwrap();
+    let splats = model.len() as u32;
+    JudgedDepth::of(&Judge::of_points(data), |camera, known| {
+        let view = RenderView { camera: *camera, projection: Projection::default(), background: [0.0; 3] };
+        anyhow::Ok((viewer.render(&planes, splats, &view, true)?, viewer.probe(&planes, splats, &view, known)?))
+    })
+    .unwrap()
+}
+
+/// Judges are the points of long tracks and small errors, where held-out photographs observe them; where nobody says
+/// who does, wherever they project.
+fn points_that_judge(data: &Dataset) {
+    let judges = Judge::of_points(data);
+    let held_out: Vec<usize> = data.views_of(Role::HeldOut).map(|(k, _)| k).collect();
+    let good = |k: &usize| data.points[*k].track >= 4 && data.points[*k].error <= 0.5;
+    let count = |view: usize| {
+        (0..data.points.len()).filter(good).filter(|k| data.tracks.of(*k).contains(&(view as u32))).count()
+    };
+    let places: Vec<usize> = judges.iter().map(|judge| judge.places.len()).collect();
+    println!("{places:?} points judge, of {}", data.points.len());
+    assert_eq!(places, held_out.iter().map(|view| count(*view)).collect::<Vec<_>>());
+    assert!(places.iter().sum::<usize>() > 10, "{places:?}");
+    let number = |judges: &[Judge]| judges.iter().map(|judge| judge.places.len()).collect::<Vec<_>>();
+    let not_by_first = |k| data.tracks.of(k).iter().copied().filter(|view| *view as usize != held_out[0]).collect();
+    let tracks = Tracks::new((0..data.points.len()).map(not_by_first));
+    assert_eq!(number(&Judge::of_points(&Dataset { tracks, ..data.clone() })), places[1..], "the first observes none");
+    let anywhere = number(&Judge::of_points(&Dataset { tracks: Tracks::default(), ..data.clone() }));
+    assert!(anywhere.iter().zip(&places).all(|(all, observed)| all >= observed), "{anywhere:?}, {places:?}");
+    let mut vague = data.clone();
+    vague.points.iter_mut().for_each(|point| point.error = if point.id % 2 == 0 { f64::NAN } else { -1.0 });
+    assert_eq!(Judge::of_points(&vague), [], "errors that are not known");
 }
 
 /// A model on the surface has no error. Lowered by a metre, depth and distance are off by a metre. Added splats high
@@ -215,6 +292,7 @@ fn geometry_errors_of_a_moved_model_are_its_displacement() {
         images: 9,
         max_side: 96,
         nadir_share: 1.0,
+        pixels_per_point: 20,
         offpath: 2,
         effects: Effects::none(),
         supersample: 1,
@@ -233,17 +311,36 @@ fn geometry_errors_of_a_moved_model_are_its_displacement() {
     assert!(right.depth_coverage.unwrap() > 0.999 && right.depth_within_0_5_percent.unwrap() > 0.8);
     assert!(right.normal_median_degrees.unwrap() < 1.0);
     assert!(right.surface_distance.unwrap() < 1e-4 && right.floaters.unwrap() < 1e-3);
+    assert!(right.depth_of_median_error.unwrap() < 0.002 && right.depth_of_median_error_offpath.unwrap() < 0.01);
+    // At the edges of roofs splats reach over the ground, and seen from half the height twice as many pixels over it.
+    assert!(right.floaters_front.unwrap() < 0.03 && right.floaters_behind.unwrap() < 0.001);
+    assert!(right.floaters_front_offpath.unwrap() < 0.12 && right.floaters_behind_offpath.unwrap() < 0.01);
+
+    points_that_judge(&data);
+    let judged_right = judged(&gpu, &data, &model);
+    println!("{judged_right:?}");
+    assert!(judged_right.median.unwrap() < 0.005 && judged_right.expected.unwrap() < 0.005);
 
     // The flight is 48 m high: a metre is 2.1 % of the depth of the ground, and a little more of the roofs'.
     let mut lower = model.clone();
     lower.means.chunks_exact_mut(3).for_each(|p| p[2] -= data.frame.scale as f32);
     let moved = compare(&gpu, &truth, &lower);
     println!("{moved:?}");
+    let judged_moved = judged(&gpu, &data, &lower);
+    assert!((judged_moved.median.unwrap() - 1.0 / 47.5).abs() < 0.004, "{judged_moved:?}");
     let error = moved.depth_median_error.unwrap();
     assert!((1.0 / 49.5..1.0 / 46.0).contains(&error), "median error {error}");
     assert!(moved.depth_within_0_5_percent.unwrap() < 0.1 && moved.psnr_offpath != right.psnr_offpath);
     let distance = moved.surface_distance.unwrap();
     assert!((distance - 1.0).abs() < 0.02, "{distance} m");
+    // From 48 m a pixel is 48 m over the focal length wide; what is on the ground is lower, and on hills higher.
+    let sample = distance / moved.surface_distance_gsd.unwrap();
+    let flat = 48.0 / data.views[0].camera.fx;
+    assert!((0.9 * flat..1.1 * flat).contains(&sample), "a ground sample of {sample} m, {flat} m on flat ground");
+    let error = moved.depth_of_median_error.unwrap();
+    assert!((1.0 / 49.5..1.0 / 46.0).contains(&error), "error of the median depth {error}");
+    assert!(moved.floaters_behind.unwrap() > 0.5 && moved.floaters_front.unwrap() < right.floaters_front.unwrap());
+    // Further than 1 % of the extent, but for what is now inside of something.
     // Farther off than 1 % of the extent, except for splats that are now inside an object.
     assert!(data.extent * 0.01 < 1.0 && moved.floaters.unwrap() > 0.8);
 
@@ -260,6 +357,8 @@ fn geometry_errors_of_a_moved_model_are_its_displacement() {
     let floating = mass(&more, n) / mass(&more, 0);
     let with = compare(&gpu, &truth, &more);
     assert!((with.floaters.unwrap() - floating).abs() < 2e-3 && floating > 0.2, "{with:?}, {floating}");
+    assert!(with.depth_median_error.unwrap() > 0.1, "what floats hides the ground");
+    assert!(with.floaters_front.unwrap() > 0.2 && with.floaters_behind.unwrap() < 0.02, "it floats in front");
     assert!(with.depth_median_error.unwrap() > 0.1, "floaters do not hide the ground");
 
     // A dataset without ground truth gives no metrics.
@@ -301,7 +400,8 @@ fn maps_of_another_size_are_used_and_of_another_shape_refused() {
     let file = dir.path().join("depth/view_0000.exr");
     psrgs_vk::format::image_out::write_depth(&file, 72, 96, &vec![1.0; 72 * 96]).unwrap();
     let truth = GeometryTruth::find(&data, &options).unwrap();
-    let error = measure(&truth, &model, |_| -> anyhow::Result<Picture> { unreachable!("not of this shape") });
+    let error =
+        measure(&truth, &model, |_, _| -> anyhow::Result<(Picture, DepthProbe)> { unreachable!("not of this shape") });
     let error = error.unwrap_err().to_string();
     assert!(error.contains("view_0000.exr") && error.contains("(72, 96)") && error.contains("shape"), "{error}");
 }

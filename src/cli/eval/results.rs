@@ -206,7 +206,7 @@ pub(super) fn scores_table(images: &[ImageScore]) -> String {
 
 /// The scores of the geometry.
 pub(super) fn geometry_table(geometry: &Geometry) -> String {
-    let mut rows = vec![["geometry", "against the truth"].map(str::to_owned).to_vec()];
+    let mut rows = vec![["geometry", "value"].map(str::to_owned).to_vec()];
     rows.extend(geometry.rows().into_iter().map(|(name, value)| vec![name.to_owned(), value]));
     console::table(&rows)
 }

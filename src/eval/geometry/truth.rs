@@ -55,6 +55,15 @@ impl Offpath {
     }
 }
 
+/// A training photograph as a witness of what can be seen.
+#[derive(Clone, Debug)]
+pub(super) struct Witness {
+    /// The camera in scene coordinates.
+    pub(super) camera: Camera,
+    /// What is truly there, where that is known.
+    pub(super) maps: Option<Maps>,
+}
+
 /// Depths and normals of a view, at their own size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Known {
@@ -64,6 +73,21 @@ pub struct Known {
     pub depth: Vec<f32>,
     /// Unit normals in the camera frame, towards the camera; zero where none is known.
     pub normals: Option<Vec<[f32; 3]>>,
+}
+
+impl Known {
+    /// The place in scene coordinates that a pixel shows, where its depth is known. `scale`: scene units per unit of the
+    /// dataset.
+    pub(super) fn point(&self, pixel: usize, scale: f64) -> Option<[f64; 3]> {
+        let depth = self.depth.get(pixel).copied().filter(|z| *z > 0.0 && z.is_finite())?;
+        let (x, y) = (pixel % self.camera.width as usize, pixel / self.camera.width as usize);
+        Some(self.camera.lifted([x as f64 + 0.5, y as f64 + 0.5], f64::from(depth) * scale))
+    }
+
+    /// The depths in scene units.
+    pub(super) fn scaled(&self, scale: f64) -> Vec<f32> {
+        self.depth.iter().map(|z| (f64::from(*z) * scale) as f32).collect()
+    }
 }
 
 /// The ground truth of a dataset: `depth/NAME.exr` and `normal/NAME.exr` of held-out views, for the pixels of their
@@ -76,7 +100,9 @@ pub struct GeometryTruth {
     pub(super) extent: f64,
     pub(super) views: Vec<Maps>,
     pub(super) offpath: Vec<Offpath>,
-    surface: Option<PathBuf>,
+    pub(super) surface: Option<PathBuf>,
+    /// The training photographs.
+    pub(super) witnesses: Vec<Witness>,
 }
 
 impl GeometryTruth {
@@ -101,12 +127,16 @@ impl GeometryTruth {
                 view,
             }));
         }
+        let trained: Vec<&dataset::View> = dataset.views_of(Role::Train).map(|(_, view)| view).collect();
+        let cameras = trained.iter().map(|view| dataset.frame.camera_to_scene(&view.camera));
+        let witnesses = cameras.zip(maps(&dataset.path, &trained)).map(|(camera, maps)| Witness { camera, maps });
         let held_out: Vec<&dataset::View> = dataset.views_of(Role::HeldOut).map(|(_, view)| view).collect();
         Ok(Self {
             frame: dataset.frame,
             extent: dataset.extent,
             views: maps(&dataset.path, &held_out).into_iter().flatten().collect(),
             offpath,
+            witnesses: witnesses.collect(),
             surface: Some(dataset.path.join("surface.ply")).filter(|file| file.is_file()),
         })
     }
@@ -153,19 +183,30 @@ fn beside(folder: &Path, views: &[&dataset::View]) -> Vec<Option<PathBuf>> {
 impl Maps {
     /// Reads them.
     pub(super) fn read(&self) -> Result<Known, GeometryError> {
-        let depth = read_depth_within(&self.depth, self.limit)?;
-        let size = (depth.width, depth.height);
-        let camera = at_size(&self.camera, &self.depth, size)?;
-        let mut normals = None;
+        let mut known = self.read_depth()?;
+        let size = (known.camera.width, known.camera.height);
         if let Some(file) = &self.normals {
             let read = read_normals_within(file, self.limit)?;
             let got = (read.width, read.height);
             if got != size {
                 return Err(GeometryError::Shape { file: file.clone(), got, view: size });
             }
-            normals = Some(read.values);
+            known.normals = Some(read.values);
         }
-        Ok(Known { camera, depth: depth.values, normals })
+        Ok(known)
+    }
+
+    /// Reads the depths alone.
+    pub(super) fn read_depth(&self) -> Result<Known, GeometryError> {
+        let depth = read_depth_within(&self.depth, self.limit)?;
+        let camera = at_size(&self.camera, &self.depth, (depth.width, depth.height))?;
+        Ok(Known { camera, depth: depth.values, normals: None })
+    }
+
+    /// Of depths alone.
+    #[cfg(test)]
+    pub(super) fn of_depth(camera: Camera, depth: PathBuf, limit: DecodeLimit) -> Self {
+        Self { camera, depth, normals: None, limit }
     }
 }
 

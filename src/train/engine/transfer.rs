@@ -4,7 +4,7 @@ use super::{Engine, MemoryCost};
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
 use crate::raster::{
-    LiveModel, MemoryFootprint, PLANES, Picture, Planes, RenderView, SH_HIGHER, gaussians_of, planes_of,
+    DepthProbe, LiveModel, MemoryFootprint, PLANES, Picture, Planes, RenderView, SH_HIGHER, gaussians_of, planes_of,
 };
 use crate::saliency::Curve;
 use crate::scene::ExposureMatrix;
@@ -105,6 +105,13 @@ impl Engine {
         let splats = self.splats()?;
         let shot = self.view_shot(camera, sh_degree, background);
         Ok(self.viewer.render(&self.model, splats, &shot, aux)?)
+    }
+
+    /// Depths of the model at the pixels of a camera, and weights in front of and behind `known` depths. Waits.
+    pub fn probe(&mut self, camera: &Camera, sh_degree: u32, known: Option<&[f32]>) -> Result<DepthProbe, Error> {
+        let splats = self.splats()?;
+        let view = self.view_shot(camera, sh_degree, [0.0; 3]);
+        Ok(self.viewer.probe(&self.model, splats, &view, known)?)
     }
 
     /// The view to render from a camera outside of training steps.
