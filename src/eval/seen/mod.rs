@@ -185,6 +185,9 @@ fn squared_distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 mod tests {
     use super::depths::tests::{SIZE, of_ground, tilted};
     use super::*;
+    use crate::dataset::LoadOptions;
+    use crate::dataset::lens::Lens;
+    use crate::world::{CameraKind, LidarParams, WorldParams, generate};
 
     fn eye(camera: Camera, counting: Option<Grid>) -> Eye {
         Eye { center: camera.center(), camera, counting }
@@ -219,6 +222,48 @@ mod tests {
             both[..40].fill(true);
             both
         });
+    }
+
+    /// What a lens shows is known without the pixels, as the pixels say it; a mask takes its part away.
+    #[test]
+    fn masks_and_lenses_say_where_a_picture_counts() {
+        let dir = tempfile::tempdir().unwrap();
+        let params = WorldParams {
+            images: 2,
+            max_side: 96,
+            offpath: 0,
+            supersample: 1,
+            camera: CameraKind::Opencv,
+            lidar: LidarParams { density: 0.1, ..LidarParams::default() },
+            ..WorldParams::default()
+        };
+        generate(&params, dir.path(), &mut |_| ()).unwrap();
+        let load = || Dataset::load(dir.path(), &LoadOptions::default()).unwrap().views;
+        let mut view = load().remove(0);
+        let lens = view.lens.expect("a lens");
+        // Moved, so that it shows nothing at the right of the picture.
+        let center = [lens.center[0] + 0.2 * f64::from(lens.size[0]), lens.center[1]];
+        view.lens = Some(Lens::new(lens.focal, center, lens.size, lens.distortion));
+        let by_lens = Grid::counting(&view).unwrap().expect("a rim without a picture");
+        let by_pixels = Grid::counting(&View { jpeg: false, ..view.clone() }).unwrap().expect("the same");
+        let share = |grid: &Grid| grid.cells.iter().filter(|counts| **counts).count() as f64 / grid.cells.len() as f64;
+        println!("{} by the lens, {} by pixels", share(&by_lens), share(&by_pixels));
+        assert!(view.jpeg && (0.6..0.9).contains(&share(&by_lens)) && by_lens == by_pixels);
+        // The left half of the file is masked.
+        let (width, height) = view.size_on_disk;
+        let mask = image::GrayImage::from_fn(width, height, |x, _| image::Luma([if 2 * x < width { 0 } else { 255 }]));
+        std::fs::create_dir(dir.path().join("masks")).unwrap();
+        mask.save(dir.path().join("masks").join(format!("{}.png", view.name))).unwrap();
+        let masked = Grid::counting(&load()[0]).unwrap().expect("a mask");
+        let side = |right: bool| {
+            let of_side = masked
+                .cells
+                .iter()
+                .enumerate()
+                .filter(|(k, _)| (2 * (*k as u32 % masked.width) >= masked.width) == right);
+            of_side.filter(|(_, counts)| **counts).count() as f64
+        };
+        assert!(side(false) < 0.1 * side(true) && share(&masked) > 0.4, "{} and {}", side(false), side(true));
     }
 
     #[test]
