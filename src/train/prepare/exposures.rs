@@ -107,7 +107,7 @@ pub fn decide_exposures(
 fn noted(dataset: &Dataset, views: &[View]) -> Option<f64> {
     let files: HashMap<&str, _> = dataset.views.iter().map(|view| (view.name.as_str(), view)).collect();
     let noted: Vec<f64> =
-        views.par_iter().filter_map(|view| Some(files.get(view.name.as_str())?.noted_exposure()?.ln())).collect();
+        views.iter().filter_map(|view| Some(files.get(view.name.as_str())?.noted_exposure()?.ln())).collect();
     let mean = noted.iter().sum::<f64>() / noted.len().max(1) as f64;
     let variance = noted.iter().map(|log| (log - mean).powi(2)).sum::<f64>() / noted.len().max(1) as f64;
     (noted.len() >= FEWEST_VIEWS && 4 * noted.len() >= 3 * views.len()).then(|| variance.sqrt())
