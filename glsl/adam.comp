@@ -1,7 +1,7 @@
 #version 460
-// adam: one step of Adam (Kingma and Ba 2015) on one attribute plane, epsilon outside the root, as in the 3DGS reference.
-// One thread owns one float with its two moments; one workgroup owns 64 consecutive floats.
-// An element whose gradient is not finite (or too large to square) stays as it is, moments included.
+// adam: one step of Adam (Kingma and Ba 2015) on one attribute plane, epsilon outside the root, as in the 3DGS
+// reference. One thread owns one float with its two moments; one workgroup owns 64 consecutive floats. An element whose
+// gradient is not finite (or too large to square) stays unchanged, with its moments.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"

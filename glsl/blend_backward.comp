@@ -1,10 +1,11 @@
 #version 460
-// blend_backward: gradients of splat2d (and of the normals) from those of image and aux, walking every tile's list back to front.
-// column: one thread owns a column of 8 pixels, one workgroup (8 threads) a tile of 8x8. pixel: one thread owns a pixel, one
-// workgroup (256 threads) a tile of 16x16; with BLOCK, subgroups leave out splats that do not show in the pixels they own.
-// slots: a row of partial sums per (splat, tile) pair, written once, by sums in a fixed order; slot_sum adds them up. apart: each
-// subgroup adds up what it owns at its own pace, and every few splats the workgroup adds up what the subgroups have.
-// atomic, cas: added to the splat's row by native float atomics, or by compare-and-swap.
+// blend_backward: gradients of splat2d (and of the normals) from those of image and aux, walking every tile's list back
+// to front. column: one thread owns a column of 8 pixels, one workgroup (8 threads) a tile of 8x8. pixel: one thread
+// owns a pixel, one workgroup (256 threads) a tile of 16x16; with BLOCK, subgroups leave out splats that do not show in
+// the pixels they own. slots: a row of partial sums per (splat, tile) pair, written once and summed in a fixed order;
+// slot_sum adds the rows. apart: each subgroup sums its pixels independently, and after every few splats the workgroup
+// adds the sums of the subgroups. atomic, cas: sums are added to the splat's row by native float atomics, or by
+// compare-and-swap.
 //! variant column_slots COLUMN SLOTS
 //! variant column_atomic COLUMN ATOMIC
 //! variant column_cas COLUMN CAS
@@ -24,7 +25,7 @@
 #else
 #include "blend_pixel.glsl"
 #if defined(WITH_SUBGROUPS) && !defined(SUBGROUP_EMULATED)
-// Subgroups go through a batch, or a part of it, each for itself.
+// Subgroups process a batch, or a part of a batch, independently.
 #define APART
 #include "blocks.glsl"
 #endif
@@ -55,8 +56,8 @@ void blend_back(inout Pixel pixel, inout Sums sums, Splat s, float along, float 
     }
 }
 
-// The columns 0 to 4 (mean, conic) from the sums: exponent = -(A dx^2 + C dy^2) / 2 - B dx dy with d = pixel - mean, and in base 2
-// -(p dx + q dy)^2 - (r dy)^2.
+// The columns 0 to 4 (mean, conic) from the sums: exponent = -(A dx^2 + C dy^2) / 2 - B dx dy with d = pixel - mean,
+// and in base 2 -(p dx + q dy)^2 - (r dy)^2.
 void columns(Sums sums, Splat s, float dx, float along, out float mean_x, out float mean_y, out vec3 conic) {
     const float root = along * sums.v.x + s.q * sums.v.y;
     mean_x = TWO_LN_2 * s.p * root;
@@ -66,13 +67,14 @@ void columns(Sums sums, Splat s, float dx, float along, out float mean_x, out fl
 
 #ifdef COLUMN
 
-// One step of a transposing butterfly: adds lanes that differ in `bit`; those without it keep x, those with it y.
+// One step of a transposing butterfly: adds lanes that differ in `bit`. Lanes without the bit keep x, lanes with the
+// bit keep y.
 float fold(float x, float y, uint lane, uint bit) {
     const bool upper = (lane & bit) != 0u;
     return (upper ? y : x) + subgroup_shuffle(upper ? x : y, lane ^ bit);
 }
 
-// Lane k gets the sum of column k over the 8 lanes, in an order that is the same everywhere.
+// Lane k gets the sum of column k over the 8 lanes, in a fixed order.
 float fold8(vec4 low, vec4 high, uint lane) {
     const float a = fold(fold(low.x, low.y, lane, 1u), fold(low.z, low.w, lane, 1u), lane, 2u);
     const float b = fold(fold(high.x, high.y, lane, 1u), fold(high.z, high.w, lane, 1u), lane, 2u);
@@ -165,7 +167,7 @@ void main() {
 shared float staged_inverse[BATCH];
 shared uint staged_row[BATCH];
 shared uint most;
-// Columns of a row that have sums; without AUX the ninth of 12 is 0.
+// Columns of a row with sums; without AUX the ninth of 12 is 0.
 const uint COLUMNS = AUX != 0u ? 15u : ABS != 0u ? 12u : 9u;
 
 #if defined(SLOTS) && !defined(APART)
@@ -190,11 +192,12 @@ void add_up(uint row, float column[16]) {
 }
 #else
 #ifdef SLOTS
-// What subgroups have of the splats of a part: row (subgroup, splat) of 16 columns; and by subgroup, a bit per splat that it has.
+// Sums of subgroups for the splats of a part: row (subgroup, splat) of 16 columns; and per subgroup, a bit for each
+// splat with sums.
 shared float subgroup_sums[16u * LOCAL_SIZE];
 shared uint subgroup_has[LOCAL_SIZE];
 
-// Splats of a part: as many as there are rows for.
+// Splats of a part: the number of rows per subgroup.
 uint part_splats() { return min(32u, subgroup_width()); }
 
 void accumulate(uint place, uint column, float sum) { subgroup_sums[16u * (subgroup_number() * part_splats() + place) + column] = sum; }
@@ -202,15 +205,16 @@ void accumulate(uint place, uint column, float sum) { subgroup_sums[16u * (subgr
 void accumulate(uint row, uint column, float sum) { store_grad(row, column, sum); }
 #endif
 
-// Adds each column over the subgroup by a transposing butterfly: a step adds lanes that differ in one bit, of which those without it keep
-// the even columns and those with it the odd ones. That is one shuffle where sums column by column are log2(width) of them, and at the end
-// lane k has column k (8 lanes: and column k + 8), which it passes on. Subgroups too narrow for that sum column by column.
+// Adds each column over the subgroup by a transposing butterfly. A step adds lanes that differ in one bit; lanes
+// without the bit keep the even columns, lanes with the bit keep the odd columns. A column takes about one shuffle
+// instead of log2(width) shuffles. At the end lane k has column k (with 8 lanes, also column k + 8) and passes it on.
+// Narrower subgroups sum column by column.
 float butterfly(float x, float y, uint bit) {
     const bool upper = (subgroup_lane() & bit) != 0u;
     return (upper ? y : x) + subgroup_shuffle_xor(upper ? x : y, bit);
 }
 
-// Called by all threads of a subgroup with the same row (slots: place in the part).
+// Called by all threads of a subgroup with the same row (slots: index in the part).
 void add_up(uint row, float column[16]) {
     const uint lane = subgroup_lane();
     if (subgroup_width() < 8u) {
@@ -221,7 +225,7 @@ void add_up(uint row, float column[16]) {
             }
         }
     } else {
-        // Columns 9 and 12 to 14 are those of AUX; without it columns 8 to 11 need two steps.
+        // Columns 9 and 12 to 14 belong to AUX; without AUX columns 8 to 11 need two steps.
         float pairs[8];
         [[unroll]] for (uint c = 0u; c < 8u; ++c) {
             const bool used = AUX != 0u || c < 5u || c == 5u && ABS != 0u;
@@ -244,8 +248,8 @@ void add_up(uint row, float column[16]) {
 }
 #endif
 
-// Takes a pixel past staged splat k and adds up what the splat gets, to `row`: false where that is nothing. Called by all threads that
-// add_up adds over.
+// Moves a pixel past staged splat k and adds the splat's gradients to `row`; false when there are none. Called by all
+// threads that add_up sums over.
 bool blend_splat(inout Pixel pixel, uint k, uint row, vec2 center, uint place) {
     const Splat s = staged(k);
     const float dx = center.x - s.x;
@@ -266,7 +270,8 @@ bool blend_splat(inout Pixel pixel, uint k, uint row, vec2 center, uint place) {
 }
 
 #ifdef APART
-// Bits of the staged splats 32 word to 32 word + 31 that touch a block of this subgroup: the same in all its lanes.
+// Bits of the staged splats 32 word to 32 word + 31 that touch a block of this subgroup. Equal in all lanes of the
+// subgroup.
 uint subgroup_touched(uint word) {
     const uint first = (pixel_rank() - subgroup_lane()) / BLOCK_PIXELS;
     uint bits = touched[first * TOUCH_WORDS + word];
@@ -277,7 +282,7 @@ uint subgroup_touched(uint word) {
 uint low_bits(uint count) { return count < 32u ? (1u << count) - 1u : ~0u; }
 
 #ifdef SLOTS
-// Adds what the subgroups have of the staged splats from k0 on, in the order of the subgroups, and stores it.
+// Adds the subgroups' sums for the staged splats from k0 on, in the order of the subgroups, and stores the results.
 void add_subgroups(uint k0, uint count) {
     const uint column = local_index() % 16u;
     const uint subgroups = LOCAL_SIZE / subgroup_width();
@@ -339,10 +344,10 @@ void main() {
             touch_blocks(LOAD4(splat2d, 3u * splat), LOAD4(splat2d, 3u * splat + 1u), corner);
         }
         barrier();
-        // What comes behind the last contributor of all its pixels does not concern a subgroup.
+        // A subgroup skips splats after the last contributor of all its pixels.
         const uint begin = min(left - min(left, own_top), n);
 #ifdef SLOTS
-        // Every subgroup is there for every part: all add up.
+        // Every subgroup reaches this point for every part, because all subgroups add the sums.
         const uint first = 0u;
         const uint step = part_splats();
 #else

@@ -1,7 +1,7 @@
 #version 460
-// blend_forward: alpha-blends every tile's splats front to back into image, aux and last.
-// column: one thread owns a column of 8 pixels, one workgroup (8 threads) a tile of 8x8. pixel: one thread owns a pixel, one
-// workgroup (256 threads) a tile of 16x16; with BLOCK, splats that do not show in a block of pixels are left out there.
+// blend_forward: alpha-blends every tile's splats front to back into image, aux and last. column: one thread owns a
+// column of 8 pixels, one workgroup (8 threads) a tile of 8x8. pixel: one thread owns a pixel, one workgroup (256
+// threads) a tile of 16x16; with BLOCK, splats that do not show in a block of pixels are left out there.
 //! variant column COLUMN
 //! variant column_emulated COLUMN SUBGROUP_EMULATED
 //! variant pixel PIXEL
@@ -34,7 +34,7 @@ Splat load_splat(uint i) {
     return Splat(p.x, p.y, factor.x, factor.y, factor.z, q.y, q.z, colour.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
 }
 
-// A pixel on its way through the list. Its transmittance is kept with a minus sign once it has stopped.
+// State of a pixel in the loop over the list. A stopped pixel keeps its transmittance with a minus sign.
 struct Pixel {
     float transmittance;
     vec3 colour;
@@ -62,7 +62,8 @@ float blend(inout Pixel pixel, Splat s, float along, float dy, uint place) {
     return weight;
 }
 
-// Weights are positive, so their bits are ordered as they are. What is there already is looked at first: most weights are no news.
+// Weights are positive, so their bits order like the weights. Reading first avoids most atomics, because most weights
+// are not the largest.
 void keep_weight(uint splat, float weight) {
     const uint bits = floatBitsToUint(weight);
     if (bits > weights[splat]) atomicMax(weights[splat], bits);
@@ -83,10 +84,10 @@ Pixel fresh(uvec2 at) {
 
 #ifdef COLUMN
 
-// Splats per round of the loop: at every turn of a loop a software rasterizer merges all loop variables under the mask of active
-// lanes. Eight are no faster than four, and are eight where a tile's last batch has one.
+// Splats per round of the loop: at every turn of a loop a software rasterizer merges all loop variables under the mask
+// of active lanes. Eight splats are no faster than four, and waste seven when a tile's last batch has one.
 #ifdef SUBGROUP_EMULATED
-// The time of some compilers grows with the square of a shader's length.
+// Some compilers take time quadratic in a shader's length.
 const uint UNROLL = 1u;
 #else
 const uint UNROLL = 4u;

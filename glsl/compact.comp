@@ -1,7 +1,7 @@
 #version 460
-// compact: lists the visible splats (those that touch a tile) in the order of their index, with their depth as sort key.
-// One thread owns one splat; a workgroup owns 64 consecutive splats. `places` is the prefix sum of (tile_counts > 0).
-// Depths are positive, so their bits order as integers; `shift` of the lowest are dropped.
+// compact: lists the visible splats (splats that touch a tile) in index order, with their depths as sort keys. One
+// thread owns one splat; a workgroup owns 64 consecutive splats. `places` is the prefix sum of (tile_counts > 0).
+// Depths are positive, so their bits order as integers; the lowest `shift` bits are dropped.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"

@@ -1,7 +1,6 @@
 #version 460
-// constrain: leaves nothing of a projection but the constrained set, the splats that were there at the end of the low-frequency
-// stage: all others touch no tile.
-// One thread owns one splat; one workgroup owns 64 consecutive splats.
+// constrain: culls all splats outside the constrained set, the splats that existed at the end of the low-frequency
+// stage: other splats touch no tile. One thread owns one splat; one workgroup owns 64 consecutive splats.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"

@@ -1,7 +1,8 @@
 #version 460
-// convolution: a convolution of images whose rows are pixels, channels together; with its filters turned round also the gradient of one.
-// One thread owns 8 output channels of PIXELS pixels, a block apart from each other; one workgroup owns 64 consecutive threads, of
-// which neighbours own neighbouring pixels. The rows of the filters are read once for all pixels of a thread.
+// convolution: a convolution of channels-last images; with mirrored filters also the gradient of a convolution. One
+// thread owns 8 output channels of PIXELS pixels, a block apart from each other; one workgroup owns 64 consecutive
+// threads, and neighbouring threads own neighbouring pixels. A thread reads each row of the filters once for all its
+// pixels.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
@@ -18,9 +19,9 @@ layout(push_constant) uniform Push {
     uint in_width;
     uint in_height;
     uint in_row;      // rows of four channels in a pixel of the source
-    uint in_first;    // the first of them that is read
-    uint in_quads;    // how many are read
-    uint zero_pixel;  // pixel of the source that is all zeros: what lies outside
+    uint in_first;    // first row of a pixel to read
+    uint in_quads;    // number of rows to read
+    uint zero_pixel;  // all-zero pixel of the source, read outside of the image
     uint out_width;
     uint out_height;
     uint out_row;
@@ -36,9 +37,9 @@ layout(push_constant) uniform Push {
 } push;
 
 const uint PIXELS = 4u;
-const uint FLAG_ADD = 1u;   // to what the result holds
+const uint FLAG_ADD = 1u;   // add to the result
 const uint FLAG_RELU = 2u;  // negative values become 0
-const uint FLAG_GATE = 4u;  // 0 where the gate, laid out as the result, is not positive
+const uint FLAG_GATE = 4u;  // 0 where the gate (same layout as the result) is not positive
 
 vec4 finished(vec4 value, uint at) {
     if ((push.flags & FLAG_ADD) != 0u) value += LOAD4(result, at);
@@ -66,7 +67,7 @@ void main() {
         const uint image = pixel < of_image ? 0u : 1u;
         const uint y = quotient(pixel - image * of_image, push.out_width);
         const uint x = pixel - image * of_image - y * push.out_width;
-        // Left of and above the image it wraps to large numbers, which are outside as well.
+        // Left of and above the image the coordinate wraps to a large number, which is outside too.
         corner[p] = uvec2(x, y) * push.stride - push.pad;
         image_first[p] = image * push.in_width * push.in_height;
         low[p] = bias_low;

@@ -1,7 +1,7 @@
 #version 460
-// crop_gradient: adds the gradient of a perceptual distance, times a weight, to that of the render it was taken of.
-// One thread owns a pixel of the window; one workgroup owns 64 consecutive pixels. The gradient comes in blocks of 2x2 pixels, row-major,
-// four floats to a pixel; a masked pixel (alpha 0 in the photograph) gets none.
+// crop_gradient: adds the gradient of a perceptual distance, times a weight, to the gradient of the render. One thread
+// owns a pixel of the window; one workgroup owns 64 consecutive pixels. The gradient comes in blocks of 2x2 pixels,
+// row-major, four floats to a pixel; a masked pixel (alpha 0 in the photograph) gets none.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
@@ -18,7 +18,7 @@ layout(push_constant) uniform Push {
     uint width;  // of the window
     uint height;
     float weight;
-    uint cropped; // 1: the render is of the window alone
+    uint cropped; // 1: the render covers only the window
 } push;
 
 void main() {

@@ -1,7 +1,7 @@
 #version 460
-// crop_pair: the same window of a render and of its photograph, one after the other, as the perceptual distance reads them.
-// One thread owns a pixel of the window; one workgroup owns 64 consecutive pixels. The render counts as equal to the photograph where that
-// is masked (alpha 0).
+// crop_pair: copies the same window of a render and of its photograph into one buffer for the perceptual distance. One
+// thread owns a pixel of the window; one workgroup owns 64 consecutive pixels. At masked pixels of the photograph
+// (alpha 0) the render counts as equal.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
@@ -18,7 +18,7 @@ layout(push_constant) uniform Push {
     uint top;
     uint width;  // of the window
     uint height;
-    uint cropped; // 1: the render is of the window alone
+    uint cropped; // 1: the render covers only the window
 } push;
 
 void main() {

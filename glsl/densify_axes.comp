@@ -1,9 +1,10 @@
 #version 460
-// densify_axes: along which axis each split parts its children, where that is not the longest: along that one of the parent's axes
-// along which the loss changes most over a standard deviation, by the optimiser's mean gradient of the centre (progressive spectral
-// residual splatting, arXiv 2503.00848, lets new splats follow the gradient; along an axis both children keep their parent's mean and
-// covariance together). Where that gradient is zero nothing is noted, and the longest is taken.
-// One thread owns one new row and its entry of the map; one workgroup owns 64 consecutive rows. Runs before any plane is moved.
+// densify_axes: chooses the axis along which each split separates its children: the axis of the parent along which the
+// loss changes most over a standard deviation, by the optimiser's mean gradient of the mean. (In progressive spectral
+// residual splatting, arXiv 2503.00848, new splats follow the gradient; along an axis both children together keep the
+// mean and covariance of the parent.) For a zero gradient nothing is noted, and the split uses the longest axis. One
+// thread owns one new row and its entry of the map; one workgroup owns 64 consecutive rows. Runs before any plane is
+// moved.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"
@@ -24,7 +25,7 @@ float mean_gradient(uint word) {
     return unpackHalf2x16(word).x * sqrt(uintBitsToFloat(word >> 16u << V_SHIFT));
 }
 
-// A product of a column of the rotation, times the square of the quaternion's length, with a vector.
+// Dot product of a vector with a column of the rotation, times the squared length of the quaternion.
 float along(vec3 column, vec3 v) {
     precise float sum = (column.x * v.x + column.y * v.y) + column.z * v.z;
     return abs(sum);

@@ -1,6 +1,7 @@
 #version 460
-// densify_births: what to sort the splats of a model by to have them in the order of their birth: their identities, with their rows.
-// One thread owns one row of the capacity; one workgroup owns 64 consecutive rows. Rows beyond the model sort last.
+// densify_births: writes sort keys (identities) and values (rows) that bring the splats of a model into the order of
+// birth. One thread owns one row of the capacity; one workgroup owns 64 consecutive rows. Rows beyond the model sort
+// last.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"

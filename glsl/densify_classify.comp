@@ -1,9 +1,9 @@
 #version 460
-// densify_classify: decides what a density change makes of every splat (3DGS, Kerbl et al. 2023; the absolute score for
-// splits is AbsGS, Ye et al. 2024). Nothing here is transcendental: scales are compared as logarithms and opacities as
-// logits, so the sets are the same on every device.
-// One thread owns one splat of the capacity and its flag in each of the four segments of `flags`, which are `stride` words
-// apart (kept, clone, first child, second child); one workgroup owns 64 consecutive splats. Beyond the model flags are 0.
+// densify_classify: decides which splats a density change keeps, clones, splits and prunes (3DGS, Kerbl et al. 2023;
+// the absolute score for splits is AbsGS, Ye et al. 2024). The pass uses no transcendental function (scales are
+// compared as logarithms, opacities as logits), so the decisions are equal on every device. One thread owns one splat
+// of the capacity and its flag in each of the four segments of `flags`, which are `stride` words apart (kept, clone,
+// first child, second child); one workgroup owns 64 consecutive splats. Beyond the model flags are 0.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"
@@ -33,7 +33,7 @@ layout(push_constant) uniform Push {
     uint prune_large;
 } push;
 
-// sum / views >= threshold without the division, whose rounding Vulkan leaves open; no views or no number scores 0.
+// sum / views >= threshold without division, whose rounding Vulkan leaves open. No views or a NaN scores 0.
 bool reaches(float sum, float views, float threshold) {
     if (!(views > 0.0) || !finite(sum)) return threshold <= 0.0;
     return sum >= threshold * views;
@@ -55,7 +55,7 @@ void main() {
             const bool cloned = !large && reaches(s.x, s.z, push.clone_threshold);
             const float split_sum = push.split_absolute != 0u ? s.y : s.x;
             const bool split = large && reaches(split_sum, s.z, push.split_threshold);
-            // Pruning judges the rows that come out: a clone fares as its source, children by their own smaller size.
+            // Pruning judges the resulting rows: a clone by the size of its source, children by their own smaller size.
             const bool opaque = !(opacities[i] < push.prune_opacity);
             const bool size_ok = push.prune_large == 0u || !(largest > push.prune_scale);
             const bool child_size_ok = push.prune_large == 0u || !(largest - LN_SPLIT_SHRINK > push.prune_scale);

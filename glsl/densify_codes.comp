@@ -1,9 +1,9 @@
 #version 460
-// densify_codes: where the rows of a density change lie along Morton's curve (Morton 1966), by the centres of their sources.
-// One thread owns one new row, counted in the order of birth; one workgroup owns 64 consecutive rows. Its entry of `map` comes with the
-// rank of its source in the order of birth and leaves with the source's row.
-// A code has ten bits per axis: a sign, and 9 bits of |x| in cells that double in size at 1, 3 and 7 times 1 / scale, up to 15 times;
-// what lies beyond is in the outermost cells. Cells are cut from the bits of a float, so they are the same on every device.
+// densify_codes: writes the position of each new row along Morton's curve (Morton 1966), by the mean of the source. One
+// thread owns one new row, counted in the order of birth; one workgroup owns 64 consecutive rows. Its entry of `map`
+// names the source by rank in the order of birth before, and by row after. A code has ten bits per axis: a sign, and 9
+// bits of |x| in cells that double in size at 1, 3 and 7 times 1 / scale, up to 15 times; points beyond are in the
+// outermost cells. Cells come from the bits of a float, so cells are equal on every device.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"

@@ -1,6 +1,6 @@
 #version 460
-// densify_finish: the counts after a density change. Runs last, and changes nothing once an overflow is noted.
-// One thread of the one workgroup does all.
+// densify_finish: updates the counters after a density change. Runs last, and changes nothing after an overflow. One
+// thread of the one workgroup does all.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"
@@ -14,7 +14,7 @@ void main() {
     const uint total = counters[COUNTER_SCAN_TOTAL];
     const uint kept = offsets[push.stride];
     const uint cloned = offsets[2u * push.stride] - kept;
-    // A split whose first child keeps its parent's row is among the kept.
+    // A split whose first child keeps the parent's row counts as kept.
     const uint replaced = offsets[3u * push.stride] - offsets[2u * push.stride];
     counters[COUNTER_CLONED] = cloned;
     counters[COUNTER_SPLIT] = total - offsets[3u * push.stride];

@@ -1,6 +1,7 @@
 #version 460
-// densify_flags: flags of a density change from the order of rows into the order of birth, in which rows and identities are given out.
-// One thread owns one splat of the capacity and its four flags; one workgroup owns 64 consecutive splats.
+// densify_flags: reorders the flags of a density change from row order to the order of birth, which new rows and
+// identities follow. One thread owns one splat of the capacity and its four flags; one workgroup owns 64 consecutive
+// splats.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "densify.glsl"

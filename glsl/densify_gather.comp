@@ -1,5 +1,5 @@
 #version 460
-// densify_gather: one plane after a density change, from a copy of it before. Words are moved as bits.
+// densify_gather: writes one plane after a density change, from a copy of the plane before. Words are moved as bits.
 // One thread owns one new row of WIDTH words; one workgroup owns 64 consecutive rows.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
@@ -14,14 +14,14 @@ layout(set = 0, binding = 2) readonly buffer Source { uint source[]; };
 layout(set = 0, binding = 3) writeonly buffer Plane { uint plane[]; };
 layout(push_constant) uniform Push { uint mode; float keep; } push;
 
-const uint MODE_COPY = 0u;    // every row as its source
+const uint MODE_COPY = 0u;    // copy of the source
 const uint MODE_SHRINK = 1u;  // logarithmic scales: children of a split are smaller
-const uint MODE_MOMENT = 2u;  // moments: zero for rows that are new
+const uint MODE_MOMENT = 2u;  // moments: zero for new rows
 const uint MODE_ZERO = 3u;    // statistics: zero for all
-const uint MODE_SHRINK_AXIS = 4u;  // logarithmic scales: children are shorter along the axis that they stand along
-const uint MODE_SHARE = 5u;   // opacity logits: two children show at their parent's centre what it showed; all fade to `keep`
+const uint MODE_SHRINK_AXIS = 4u;  // logarithmic scales: children are shorter along the split axis
+const uint MODE_SHARE = 5u;   // opacity logits: two children match their parent; all times `keep`
 
-// ln of (share of what is shown) over (what is not).
+// ln(keep o / (1 - keep o)), the logit of a reduced opacity.
 float logit(float opacity) {
     precise float rest = 1.0 - opacity;
     precise float result = random_ln(opacity) - random_ln(rest);

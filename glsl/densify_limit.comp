@@ -1,9 +1,8 @@
 #version 460
-// densify_limit: withdraws growth past a limit on the number of splats. A clone or a split adds one row each, so with an
-// excess of e rows e of them do not happen: an uncloned splat stays alone, an unsplit one stays whole. Those that do happen are
-// spread evenly over all in the order of birth, from a random place on: the oldest, or the youngest, have no claim to the room that is left.
-// The limit never removes a splat.
-// One thread owns one splat and its four flags; one workgroup owns 64 consecutive splats. The scan is repeated afterwards.
+// densify_limit: withdraws growth past a limit on the number of splats. A clone or a split adds one row, so an excess
+// of e rows withdraws e of them: the splat then stays unchanged. The remaining clones and splits are spread evenly over
+// the order of birth, from a random start, so that no age is preferred. The limit never removes a splat. One thread
+// owns one splat and its four flags; one workgroup owns 64 consecutive splats. The scan is repeated afterwards.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"
@@ -15,7 +14,7 @@ layout(set = 0, binding = 1) readonly buffer Offsets { uint offsets[]; };
 layout(set = 0, binding = 2) buffer Flags { uint flags[]; };
 layout(push_constant) uniform Push { uint stride; uint max_splats; uint seed; uint event; } push;
 
-// Keeps this draw apart from those that are keyed by a splat.
+// Separates this draw from draws keyed by a splat.
 const uint DRAW_PLACE = 3u;
 
 // a * b modulo m, for a and b below m < 2^31.
@@ -40,7 +39,7 @@ void main() {
     const uint admitted = growth > excess ? growth - excess : 0u;
     const uint rank = (offsets[clones + i] - offsets[clones]) + (offsets[second + i] - offsets[second]);
     if (growth == 0u || admitted == growth) return;
-    // Of `growth` ranks exactly `admitted` fulfil this, whatever the place: the steps of a line.
+    // True for exactly `admitted` of `growth` ranks, for any start: the steps of a line.
     const uint place = random_bits(uvec4(push.seed, push.event, 0u, DRAW_PLACE)).x % growth;
     if ((product_modulo(admitted, rank % growth, growth) + place) % growth < admitted) return;
     if (flags[clones + i] != 0u) flags[clones + i] = 0u;

@@ -1,7 +1,7 @@
 #version 460
-// densify_map: for every row of the model after the density change, where it comes from and who it is.
-// One thread owns one old splat and writes the rows that it becomes; one workgroup owns 64 consecutive old splats.
-// Kept rows come first and in order, new ones count up from the next free identity: identities stay strictly ascending.
+// densify_map: writes source and identity of every row of the model after the density change. One thread owns one old
+// splat and writes the rows that it becomes; one workgroup owns 64 consecutive old splats. Kept rows come first and in
+// order; new rows get ascending identities from the next free identity, so identities stay strictly ascending.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"

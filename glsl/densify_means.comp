@@ -1,8 +1,8 @@
 #version 460
-// densify_means: the centres after a density change. Children of a split are drawn from their parent's Gaussian (3DGS), or
-// stand on both sides of its centre along its longest axis or that of `densify_axes`; every other row keeps its source's centre.
-// The draw's key is (seed, event, identity of the parent, which child).
-// One thread owns one new row; one workgroup owns 64 consecutive rows. Runs before scales and rotations are moved.
+// densify_means: the means after a density change. Children of a split are drawn from the parent's Gaussian (3DGS), or
+// placed on both sides of the parent's mean along its longest axis or the axis from `densify_axes`. Every other row
+// keeps the mean of its source. The draw's key is (seed, event, identity of the parent, which child). One thread owns
+// one new row; one workgroup owns 64 consecutive rows. Runs before scales and rotations are moved.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"

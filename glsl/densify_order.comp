@@ -1,6 +1,6 @@
 #version 460
-// densify_order: map and identities of the new rows, from the order of birth into the order that they were sorted into.
-// One thread owns one new row; one workgroup owns 64 consecutive rows.
+// densify_order: reorders map and identities of the new rows from the order of birth to the sorted order. One thread
+// owns one new row; one workgroup owns 64 consecutive rows.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"

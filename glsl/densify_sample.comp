@@ -1,12 +1,12 @@
 #version 460
-// densify_sample: decides what a density change makes of every splat where growth is sampled: a splat whose gradient reaches the
-// threshold of the frequencies that it shows is split with a probability that grows with its gradient, its mask value and how
-// often it is wrong (progressive spectral residual splatting, arXiv 2503.00848; error counts as in FastGS). Nothing is cloned. Of a
-// split's two children the first takes its parent's row and identity, the second is new.
-// Splats that blended into no pixel of the views since the last change are pruned. Nothing here is transcendental, so the sets are
-// the same on every device.
-// One thread owns one splat of the capacity and its flag in each of the four segments of `flags`, which are `stride` words
-// apart (kept, clone, first child, second child); one workgroup owns 64 consecutive splats. Beyond the model flags are 0.
+// densify_sample: decides which splats a density change keeps, splits and prunes, for sampled growth. A splat whose
+// gradient reaches the threshold for its frequencies is split with a probability that grows with its gradient, its mask
+// value and its error count (progressive spectral residual splatting, arXiv 2503.00848; error counts as in FastGS).
+// Nothing is cloned. The first child of a split takes the parent's row and identity; the second child is new. Splats
+// that blended into no pixel of the views since the last change are pruned. The pass uses no transcendental function,
+// so the decisions are equal on every device. One thread owns one splat of the capacity and its flag in each of the
+// four segments of `flags`, which are `stride` words apart (kept, clone, first child, second child); one workgroup owns
+// 64 consecutive splats. Beyond the model flags are 0.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"
@@ -46,10 +46,10 @@ layout(push_constant) uniform Push {
 
 #include "all_finite.glsl"
 
-// Keeps these draws apart from those of `densify_means`, which count children in this place of the key.
+// Separates these draws from the draws of `densify_means`, whose keys have the number of the child here.
 const uint DRAW_SPLIT = 2u;
 
-// Mean gradient against the threshold between those of low and of high frequencies; 0 where it is not reached.
+// Mean gradient divided by the threshold, interpolated between low and high frequencies; 0 below the threshold.
 float excess(vec4 s, float mask) {
     const float sum = push.absolute != 0u ? s.y : s.x;
     if (!(s.z > 0.0) || !finite(sum)) return 0.0;

@@ -1,7 +1,7 @@
 #version 460
-// densify_scores: after a view's backward pass, adds what sampled growth wants to know of every splat on screen: its mask value,
-// weighted by its absolute gradient, and whether the render is wrong at its centre.
-// One thread owns one splat and its row of `scores`; one workgroup owns 64 consecutive splats.
+// densify_scores: after a view's backward pass, adds to the scores for sampled growth, for every visible splat: the
+// mask value weighted by the absolute gradient, and whether the render is wrong at the splat's centre. One thread owns
+// one splat and its row of `scores`; one workgroup owns 64 consecutive splats.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"

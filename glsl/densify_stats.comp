@@ -1,7 +1,8 @@
 #version 460
-// densify_stats: after a view's backward pass, adds what density control wants to know of every splat on screen.
-// One thread owns one splat and the first three of its row of `stats`, of which the fourth is the optimiser's; one workgroup owns 64 consecutive splats.
-// 3DGS judges gradients in normalised device coordinates, where the image is 2 wide: pixels' gradients times W/2 and H/2.
+// densify_stats: after a view's backward pass, adds to the statistics of density control for every visible splat. One
+// thread owns one splat and the first three numbers of its row of `stats` (the fourth belongs to the optimiser); one
+// workgroup owns 64 consecutive splats. 3DGS uses gradients in normalised device coordinates, where the image is 2
+// wide: gradients per pixel times W/2 and H/2.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"

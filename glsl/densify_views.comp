@@ -1,7 +1,8 @@
 #version 460
-// densify_views: counts a view of every splat that 3DGS counts as seen although no pixel centre lies within its ellipse. The reference counts a
-// view where a square about the mean touches a tile of 16 x 16 pixels; its half side is three standard deviations of the longer axis, rounded up.
-// One thread owns one splat and the third of its row of `stats`; one workgroup owns 64 consecutive splats.
+// densify_views: counts a view of every splat that 3DGS counts as seen although no pixel centre lies within its
+// ellipse. The reference counts a view where a square about the mean touches a tile of 16 x 16 pixels; its half side is
+// three standard deviations of the longer axis, rounded up. One thread owns one splat and the third of its row of
+// `stats`; one workgroup owns 64 consecutive splats.
 //! texels means scales
 #extension GL_GOOGLE_include_directive : require
 #include "camera_push.glsl"

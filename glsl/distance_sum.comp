@@ -1,5 +1,5 @@
 #version 460
-// distance_sum: adds the parts of a perceptual distance up, in a fixed order: a sum per layer, and their sum behind them.
+// distance_sum: sums the parts of a perceptual distance in a fixed order: a sum per layer, then the sum of all layers.
 // One workgroup of 64 threads; each thread owns every 64th part of every layer.
 #extension GL_GOOGLE_include_directive : require
 layout(local_size_x = 64) in;
@@ -7,7 +7,7 @@ layout(local_size_x = 64) in;
 layout(set = 0, binding = 0) readonly buffer Parts { float parts[]; };
 layout(set = 0, binding = 1) writeonly buffer Result { float result[]; };
 layout(push_constant) uniform Push {
-    uint ends[8];  // of the layers' parts; a layer begins where the one before it ends
+    uint ends[8];  // ends of the layers' parts; a layer begins at the end of the previous layer
     uint layers;   // at most 8
 } push;
 

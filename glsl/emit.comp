@@ -1,9 +1,9 @@
 #version 460
-// emit: writes the tiles of each visible splat, in depth order, as pairs of a tile and a slot, or the splat where CARRIED.
-// One thread owns one visible splat, its places [pair_offsets[k], + tile_counts[splat]) and its slots [slot_offsets[splat], + as many); a
-// workgroup owns 64 consecutive ones in depth order.
-// The tiles come from the same code on the same bits as the counts. Should a compiler make them differ all the same, a thread
-// writes no place that is not its own, and fills what it has left with the number after the last tile, which no tile's list holds.
+// emit: writes the tiles of each visible splat, in depth order, as pairs of a tile and a slot (with CARRIED, of a tile
+// and the splat). One thread owns one visible splat, its places [pair_offsets[k], + tile_counts[splat]) and its slots
+// [slot_offsets[splat], + as many); a workgroup owns 64 consecutive ones in depth order. The tiles come from the same
+// code on the same bits as the counts. If a compiler still makes the two differ, a thread writes only its own places,
+// and fills unused places with the number after the last tile, which is in no tile's list.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "emit.glsl"

@@ -1,8 +1,8 @@
 #version 460
-// emit_together: what emit does, to the same bits, where subgroups are wide: a splat of many tiles would keep its neighbours waiting.
-// One thread owns one visible splat with its places and slots, a workgroup 64 consecutive ones. A splat of LARGE places or more is shared by its
-// subgroup: lanes take a row of tiles each, a prefix sum over their tiles says where each row's pairs go, and then lanes take the
-// pairs in turn, so that a subgroup's stores lie side by side.
+// emit_together: same results as emit, for wide subgroups, where one splat with many tiles would make the whole
+// subgroup wait. One thread owns one visible splat with its places and slots, a workgroup 64 consecutive ones. The
+// subgroup shares a splat of LARGE places or more: each lane takes a row of tiles, a prefix sum over the rows gives the
+// places of each row's pairs, and then lanes take the pairs in turn, so that the stores of a subgroup are contiguous.
 //! variant subgroup
 //! variant emulated SUBGROUP_EMULATED
 #extension GL_GOOGLE_include_directive : require
@@ -13,8 +13,8 @@ layout(local_size_x = LOCAL_SIZE) in;
 
 const uint LARGE = 32u;
 
-// Turns of a loop with subgroup operations in it: what this subgroup needs, or the most that any needs where these operations have
-// barriers of the workgroup in them.
+// Turns of a loop with subgroup operations: the turns that this subgroup needs; with emulated operations, which have
+// workgroup barriers, the most that any subgroup needs.
 #ifdef SUBGROUP_EMULATED
 shared uint most_turns;
 uint common_turns(uint turns) {

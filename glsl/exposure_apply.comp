@@ -1,6 +1,6 @@
 #version 460
-// exposure_apply: the render as a photograph's exposure shows it, for the loss.
-// One thread owns 16 pixels, every 64th of the 1024 consecutive ones that its workgroup owns.
+// exposure_apply: the render under a photograph's exposure, for the loss. One thread owns 16 pixels, every 64th of the
+// 1024 consecutive pixels of its workgroup.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common.glsl"

@@ -1,8 +1,7 @@
 #version 460
-// exposure_backward: from the gradient of the exposed render to that of the render, in place, and partial sums of the gradient of the
-// photograph's 12 numbers.
-// One thread owns 16 pixels, every 64th of the 1024 consecutive ones that its workgroup owns; the workgroup owns a row of 12 parts,
-// whose threads are added up in their order.
+// exposure_backward: turns the gradient of the exposed render into the gradient of the render, in place, and writes
+// partial sums of the gradient of the photograph's 12 numbers. One thread owns 16 pixels, every 64th of the 1024
+// consecutive pixels of its workgroup; the workgroup owns a row of 12 parts, summed over its threads in order.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common.glsl"

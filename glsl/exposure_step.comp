@@ -1,8 +1,8 @@
 #version 460
-// exposure_step: adds up the parts of the gradient of a photograph's 12 numbers, takes a step of Adam with what they differ in from the
-// mean of all photographs' last gradients, and the mean deviation anew.
-// One workgroup. Thread t below 60 owns number t % 12, of which it adds up every 5th part and every 5th photograph, in their order;
-// thread t below 12 owns the number's step and mean.
+// exposure_step: sums the parts of the gradient of a photograph's 12 numbers, takes a step of Adam with the difference
+// from the mean of all photographs' last gradients, and updates the mean deviation. One workgroup. Thread t below 60
+// sums every 5th part and every 5th photograph of number t % 12, in order; thread t below 12 owns step and mean of
+// number t.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "adam.glsl"
@@ -14,7 +14,7 @@ layout(push_constant) uniform Push {
     uint parts;  // rows of 12 in exposure_parts
     uint view;   // row of the photograph
     uint views;  // photographs
-    uint known;  // photographs that have a last gradient, this one included
+    uint known;  // photographs with a last gradient, including this photograph
     float lr;
     float beta1;
     float gain1;           // 1 - beta1, rounded from double precision

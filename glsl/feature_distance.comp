@@ -1,7 +1,7 @@
 #version 460
-// feature_distance: how far the features of two images are apart at each pixel (LPIPS, Zhang et al. 2018), and the gradient with respect
-// to those of the first: sum over channels of w (f / (|f| + eps) - g / (|g| + eps))^2, divided by the number of pixels.
-// One thread owns a pixel; one workgroup owns 64 consecutive pixels.
+// feature_distance: distance of two images' features at each pixel (LPIPS, Zhang et al. 2018), and the gradient with
+// respect to the features of the first image: sum over channels of w (f / (|f| + eps) - g / (|g| + eps))^2, divided by
+// the number of pixels. One thread owns a pixel; one workgroup owns 64 consecutive pixels.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
@@ -23,8 +23,8 @@ layout(push_constant) uniform Push {
 const uint FLAG_GATE = 4u;      // no gradient where a feature is not positive
 const uint FLAG_GRADIENT = 8u;  // write it
 
-// How far two rows are apart at unit length. Products and sums round one by one: contracted into one operation, a difference of products
-// would not be 0 where the features are equal.
+// Difference of two rows at unit length. `precise` products and sums: contracted, a difference of products would not be
+// 0 for equal features.
 vec4 apart(vec4 f, vec4 g, vec2 inverse) {
     precise vec4 d = f * inverse.x - g * inverse.y;
     return d;
@@ -55,7 +55,7 @@ void main() {
     }
     parts[push.part_first + pixel] = distance_here * each;
     if ((push.flags & FLAG_GRADIENT) == 0u) return;
-    // Without a feature there is no direction that its length could change in.
+    // A zero feature has no direction, so its length has no gradient.
     const float radial = norm.x > 0.0 ? along * inverse.x * inverse.x / norm.x : 0.0;
     for (uint q = 0u; q < push.quads; ++q) {
         const vec4 f = LOAD4(features, f_first + q);

@@ -1,8 +1,8 @@
 #version 460
-// finish: the last pass of an event: records that it happened, unless `status` says that it did not, and reports the counters and
-// the losses in a slot of the ring that the host reads, whether it happened or not. With `constrain` the splats that there are become
-// the constrained set, and with `caught_up` the steps that a splat has missed count from there on.
-// One thread of one workgroup owns everything. `bad_splats` has been reported then, and counts anew.
+// finish: the last pass of an event. Records the event as done unless `status` is set, and in any case reports counters
+// and losses in a slot of the ring that the host reads. With `constrain` the current splats become the constrained set;
+// with `caught_up` the missed steps of splats count from that step on. One thread of one workgroup owns everything.
+// After the report `bad_splats` restarts from 0.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"

@@ -1,15 +1,15 @@
 #version 460
-// geometry_depth: first half of the geometry loss (see geometry.glsl): per pixel the depth over the median (0: none), |grad I| of the
-// photograph's luma, 1 - M (0 where the photograph is masked) and the depth of the prior (0: none).
-// One thread owns 64 pixels, every 64th of the 4096 consecutive ones that its workgroup owns, and one part: the pixels that have a depth,
-// those with a prior too, those with both normals, and the sum of |grad I|.
+// geometry_depth: first half of the geometry loss (see geometry.glsl): per pixel the depth over the median (0: none),
+// |grad I| of the photograph's luma, 1 - M (0 where the photograph is masked) and the depth of the prior (0: none). One
+// thread owns 64 pixels, every 64th of the 4096 consecutive pixels of its workgroup, and one part: the number of pixels
+// with a depth, with depth and prior, with both normals, and the sum of |grad I|.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "finite.glsl"
 #include "loads.glsl"
 layout(local_size_x = 64) in;
-// 0: there is no mask, M = 0.
+// 0: no mask, M = 0.
 layout(constant_id = 0) const uint MASK = 0u;
 layout(set = 0, binding = 0) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 1) readonly buffer Aux { vec4 aux_image[]; };
@@ -25,20 +25,20 @@ layout(set = 0, binding = 6) writeonly buffer Parts { vec4 parts[]; };
 
 float luma_at(uint x, uint y) { return luma(photograph_at(y * push.width + x).colour); }
 
-// Half the differences of the neighbours, a pixel of the border being its own neighbour.
+// Half the difference of the neighbours; a border pixel is its own neighbour.
 float edge_at(uvec2 at) {
     const uvec2 before = at - min(at, uvec2(1u));
     const uvec2 after = min(at + 1u, uvec2(push.width, push.height) - 1u);
     return 0.5 * length(vec2(luma_at(after.x, at.y) - luma_at(before.x, at.y), luma_at(at.x, after.y) - luma_at(at.x, before.y)));
 }
 
-// Inverse depth of the prior at a pixel of it, or `nearest` where that is none or belongs to another surface.
+// Inverse depth of the prior at one of its pixels, or `nearest` if the pixel has no depth or another surface.
 float inverse_depth(uint x, uint y, float nearest) {
     const float depth = uintBitsToFloat(prior[2u * (y * push.prior_width + x)]);
     return 1.0 / (is_depth(depth) && abs(depth - nearest) <= PRIOR_JUMP * nearest ? depth : nearest);
 }
 
-// Inverse depths are linear over the picture of a plane, so they are interpolated.
+// Inverse depth is linear in pixels over a plane, so inverse depths are interpolated.
 float prior_depth(Place p) {
     const float nearest = uintBitsToFloat(prior[2u * (p.nearest.y * push.prior_width + p.nearest.x)]);
     if (!is_depth(nearest)) return 0.0;

@@ -1,15 +1,15 @@
 #version 460
-// geometry_grad: second half of the geometry loss (see geometry.glsl): adds to dL/dT in the gradient of the image, writes the gradient of
-// the auxiliary image.
-// One thread owns 64 pixels, every 64th of the 4096 consecutive ones that its workgroup owns, and one part: what they add to the three
-// terms, weighted, and to their sum.
+// geometry_grad: second half of the geometry loss (see geometry.glsl): adds to dL/dT in the gradient of the image, and
+// writes the gradient of the auxiliary image. One thread owns 64 pixels, every 64th of the 4096 consecutive pixels of
+// its workgroup, and one part: the pixels' weighted contributions to the three terms and to their sum.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "finite.glsl"
 #include "loads.glsl"
 layout(local_size_x = 64) in;
-// E. 0: 1 + edge |grad I| / (|grad I| + mean |grad I|), more weight at edges; 1: exp(-edge |grad I|), less.
+// Formula of E. 0: 1 + edge |grad I| / (|grad I| + mean |grad I|), more weight at edges; 1: exp(-edge |grad I|), less
+// weight at edges.
 layout(constant_id = 0) const uint EDGES = 0u;
 layout(set = 0, binding = 0) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 1) readonly buffer Aux { vec4 aux_image[]; };
@@ -21,7 +21,7 @@ layout(set = 0, binding = 6) writeonly buffer GradAux { vec4 grad_aux_image[]; }
 layout(set = 0, binding = 7) writeonly buffer Parts { vec4 parts[]; };
 #include "geometry.glsl"
 
-// What geometry_depth left at (x, y); nothing outside the image.
+// Output of geometry_depth at (x, y); zeros outside the image.
 vec4 map_at(int x, int y) {
     const bool inside = x >= 0 && y >= 0 && x < int(push.width) && y < int(push.height);
     const vec4 found = LOAD4(depth_map, inside ? uint(y) * push.width + uint(x) : 0u);
@@ -34,8 +34,8 @@ float second_difference(vec4 before, vec4 here, vec4 after) {
 
 float smoothness(vec4 here) { return exp(-push.edge_stop * here.y) * here.z; }
 
-// Value and derivative by the third of five pixels of a line: weighted squared second differences around the second to the fourth.
-// The value is that around the third.
+// Derivative, with respect to the third of five pixels of a line, of the weighted squared second differences around
+// pixels two to four; and the value around the third.
 vec2 line(vec4 a, vec4 b, vec4 c, vec4 d, vec4 e) {
     const float before = smoothness(b) * second_difference(a, b, c);
     const float here = second_difference(b, c, d);

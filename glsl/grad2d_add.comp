@@ -1,7 +1,7 @@
 #version 460
-// grad2d_add: adds what `grad2d_keep` kept to the gradients of the projected splats of another render of the same view, where they are
-// on the image: both renders project a splat to the same place.
-// One thread owns the row of 12 floats of one splat; one workgroup owns 64 consecutive splats.
+// grad2d_add: adds the gradients saved by `grad2d_keep` to the gradients of another render of the same view, for
+// projected splats on the image. Both renders project a splat to the same place. One thread owns the row of 12 floats
+// of one splat; one workgroup owns 64 consecutive splats.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"

@@ -1,7 +1,6 @@
 #version 460
-// grad2d_keep: keeps the gradients of the projected splats of one render of a view while another of the same view is made. Splats
-// that are not on the image have none.
-// One thread owns the row of 12 floats of one splat; one workgroup owns 64 consecutive splats.
+// grad2d_keep: saves the gradients of projected splats before another render of the same view. Splats that are not on
+// the image get zeros. One thread owns the row of 12 floats of one splat; one workgroup owns 64 consecutive splats.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"

@@ -1,7 +1,8 @@
 #version 460
-// gradient_map_grad: last pass of the gradient-map loss (see gradient_map.glsl): adds its gradient to that of the image.
-// One thread owns 64 pixels, every 64th of the 4096 consecutive ones that its workgroup owns, and one part: (correlation term, variation
-// of the residual, mean correlation, both terms), weighted; the first thread of all adds what the windows say.
+// gradient_map_grad: last pass of the gradient-map loss (see gradient_map.glsl): adds the loss's gradient to the
+// gradient of the image. One thread owns 64 pixels, every 64th of the 4096 consecutive pixels of its workgroup, and one
+// part: (correlation term, variation of the residual, mean correlation, both terms), weighted. The very first thread
+// adds the windows' terms.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
@@ -10,7 +11,7 @@
 #include "loads.glsl"
 #include "luma.glsl"
 layout(local_size_x = 64) in;
-// 0: the residual's variation is left out.
+// 0: leaves out the residual's variation.
 layout(constant_id = 0) const uint VARIATION = 1u;
 layout(set = 0, binding = 0) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 1) readonly buffer Target { uint target[]; };
@@ -22,11 +23,11 @@ layout(set = 0, binding = 5) writeonly buffer Parts { vec4 parts[]; };
 
 const uint PIXELS_PER_GROUP = 4096u;
 
-// In one comparison: of a short-circuited chain at every use some compilers never come to an end.
+// One comparison instead of a short-circuited chain, on which some compilers hang.
 bool inside(ivec2 at) { return all(lessThan(uvec2(at), uvec2(push.width, push.height))); }
 uint place(ivec2 at) { return uint(at.y) * push.width + uint(at.x); }
 
-// Render minus photograph, and 1; zeros outside the image and where it is masked.
+// Render minus photograph, and 1; zeros outside the image and at masked pixels.
 vec4 residual(ivec2 at) {
     const bool there = inside(at);
     const uint k = mix(0u, place(at), there);
@@ -37,7 +38,8 @@ vec4 residual(ivec2 at) {
 
 vec3 step_to(vec4 from, vec4 to) { return from.w * to.w * (to.rgb - from.rgb); }
 
-// Adds to the derivative by luma at a pixel what the gradient at its neighbour `off` pixels away is to change by.
+// Adds, to the derivative with respect to luma at a pixel, the part through the gradient at the neighbour `off` pixels
+// away.
 void add_flow(inout float sum, ivec2 at, ivec2 off) {
     const bool there = inside(at + off);
     const vec2 flow = LOAD4(maps, mix(0u, place(at + off), there)).xy;

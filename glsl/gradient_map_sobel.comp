@@ -1,7 +1,6 @@
 #version 460
-// gradient_map_sobel: first pass of the gradient-map loss (see gradient_map.glsl): per pixel the magnitudes a and b and the render's
-// gradient; a = -1 where a pixel takes no part.
-// One thread owns a pixel, a workgroup 64 consecutive ones.
+// gradient_map_sobel: first pass of the gradient-map loss (see gradient_map.glsl): per pixel the magnitudes a and b and
+// the render's gradient; a = -1 for an excluded pixel. One thread owns a pixel, a workgroup 64 consecutive ones.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"

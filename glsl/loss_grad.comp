@@ -1,6 +1,6 @@
 #version 460
-// loss_grad: the window along rows of SSIM's derivatives, the gradient of the loss with respect to the render, and sums of |x - y|.
-// One subgroup owns a row and walks along it, as many pixels at a time as it has lanes.
+// loss_grad: filters SSIM's derivatives by the window along rows, and writes the gradient of the loss with respect to
+// the render, and sums of |x - y|. One subgroup owns a row and walks along the row, with one pixel per lane in a turn.
 //! variant subgroup
 //! variant emulated SUBGROUP_EMULATED
 //! texels red_planes green_planes blue_planes
@@ -17,7 +17,7 @@ layout(set = 0, binding = 7) readonly buffer Saliency { float saliency[]; };
 #include "photograph.glsl"
 #include "loss_weight.glsl"
 
-// Per channel what multiplies 1, x - y and x - pivot.
+// Per channel, the factors of 1, x - y and x - pivot.
 struct Derivatives {
     vec4 of[3];
 };

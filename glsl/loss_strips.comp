@@ -1,8 +1,9 @@
 #version 460
-// loss_strips: SSIM and its derivatives with respect to the moments, those weighted by the window along columns.
-// One subgroup owns a strip: as many columns as it has lanes, SEGMENT rows of them or the image's where it has fewer, and walks down
-// it; one thread owns a column. APART, for GPUs, which a small image leaves idle: a subgroup owns one channel of a strip.
-// THREE, for processors, which merge all that a loop changes at every turn: a turn takes three rows.
+// loss_strips: SSIM and its derivatives with respect to the moments; the derivatives are filtered by the window along
+// columns. One subgroup owns a strip, one column per lane and SEGMENT rows (or all rows of a smaller image), and walks
+// down the strip; one thread owns a column. APART, for GPUs, which a small image leaves idle: a subgroup owns one
+// channel of a strip. THREE, for CPU devices, which merge all changed variables at every turn of a loop: a turn takes
+// three rows.
 //! variant subgroup
 //! variant subgroup_three THREE
 //! variant subgroup_apart APART
@@ -31,10 +32,10 @@ const uint ROWS = 3u;
 #else
 const uint ROWS = 1u;
 #endif
-// The first of the channels that this subgroup owns.
+// First channel of this subgroup.
 uint first_channel() { return owner() % (3u / CHANNELS); }
 
-// Per channel (x, x - y, (x - y)^2, x^2 + y^2), about the pivot where they are not differences.
+// Per channel (x, x - y, (x - y)^2, x^2 + y^2); x and y are relative to the pivot.
 struct Moments {
     vec4 of[CHANNELS];
     bool counts;
@@ -65,7 +66,7 @@ Moments moments_at(uint column, uint row) {
     return moments;
 }
 
-// SSIM, and in `derivatives` what multiplies 1, x - y and x - pivot in its derivative.
+// SSIM, and in `derivatives` the factors of 1, x - y and x - pivot in its derivative.
 float ssim(vec4 mean, out vec4 derivatives) {
     const float m = mean.y;
     const float mu1 = mean.x + PIVOT;
@@ -91,16 +92,16 @@ void main() {
     const uint segment = strip / strips;
     const uint first = segment * SEGMENT;
     const uint end = min(first + SEGMENT, push.height);
-    // The same for all strips, since the subgroups of a workgroup without subgroup operations meet at barriers.
+    // Equal for all strips, because emulated subgroups of a workgroup share barriers.
     const uint walked = min(SEGMENT, push.height) + 4u * WINDOW_RADIUS;
     Window moments[CHANNELS];
     Window back[CHANNELS];
     [[unroll]] for (uint c = 0u; c < CHANNELS; ++c) moments[c] = back[c] = window_empty();
     float sum = 0.0;
-    // Bit j: whether this column's pixel counts that was taken j rows ago.
+    // Bit j: whether this column's pixel of j rows ago counts (is not masked).
     uint counts = 0u;
-    // Row i - 10 is taken, SSIM known at row i - 15, its derivatives spread at row i - 20; rows before the first wrap to large
-    // numbers, which are outside like those past the last. What a last turn takes beyond these is outside too.
+    // Turn i reads row i - 10, computes SSIM at row i - 15, and finishes the derivatives at row i - 20. Rows before the
+    // first wrap to large numbers, which are outside, as are rows past the last.
     uint at = first;
     do {
         [[unroll]] for (uint u = 0u; u < ROWS; ++u) {

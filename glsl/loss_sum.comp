@@ -1,6 +1,6 @@
 #version 460
-// loss_sum: adds the parts of the loss up, in a fixed order, and stores (total, L1, SSIM) in a slot of the ring.
-// One workgroup of LOCAL_SIZE threads, a multiple of 64; each thread owns every LOCAL_SIZE-th part.
+// loss_sum: sums the parts of the loss in a fixed order, and stores (total, L1, SSIM) in a slot of the ring. One
+// workgroup of LOCAL_SIZE threads, a multiple of 64; each thread owns every LOCAL_SIZE-th part.
 #extension GL_GOOGLE_include_directive : require
 layout(local_size_x = 64, local_size_x_id = 0) in;
 layout(constant_id = 0) const uint LOCAL_SIZE = 64u;
@@ -9,7 +9,7 @@ layout(set = 0, binding = 0) readonly buffer SsimParts { float ssim_parts[]; };
 layout(set = 0, binding = 1) readonly buffer L1Parts { float l1_parts[]; };
 layout(set = 0, binding = 2) writeonly buffer Loss { float loss[]; };
 layout(push_constant) uniform Push {
-    float values;  // channels times pixels that are not masked
+    float values;  // channels times unmasked pixels
     uint ssim_count;
     uint l1_count;
     uint slot;

@@ -1,6 +1,6 @@
 #version 460
-// opacity_reset: caps every opacity and forgets its moments (3DGS, every 3000 steps, to 0.01).
-// One thread owns one splat; one workgroup owns 64 consecutive splats.
+// opacity_reset: caps every opacity and clears its moments (3DGS, every 3000 steps, to 0.01). One thread owns one
+// splat; one workgroup owns 64 consecutive splats.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"

@@ -1,6 +1,6 @@
 #version 460
-// part_sum: adds rows of four floats up, in a fixed order, and stores the sum in a slot.
-// One workgroup of 64 threads; each thread owns every 64th row.
+// part_sum: sums rows of four floats in a fixed order, and stores the sum in a slot. One workgroup of 64 threads; each
+// thread owns every 64th row.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"

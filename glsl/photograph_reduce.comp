@@ -1,7 +1,7 @@
 #version 460
-// photograph_reduce: a photograph at a fraction of its size, by the mean of FACTOR x FACTOR pixels of those that count. A pixel
-// counts where at least half of them do. Columns and rows that do not fill a pixel are left out.
-// One thread owns a pixel of the result; one workgroup owns 64 consecutive ones.
+// photograph_reduce: a photograph at a fraction of its size. A pixel of the result is the mean of the unmasked pixels
+// among FACTOR x FACTOR pixels, and is masked when fewer than half of them are unmasked. Remaining columns and rows are
+// left out. One thread owns a pixel of the result; one workgroup owns 64 consecutive ones.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 layout(local_size_x = 64) in;

@@ -1,7 +1,8 @@
 #version 460
-// plan: turns a count into workgroup numbers for indirect dispatches, or into zeros when the count exceeds its capacity.
-// One thread of one workgroup owns everything. When `status` was set before, nothing but zeros is written: counts mean nothing then.
-// In both cases the event is void from here on, so the first `void_entries` of `args` become zero too: what was planned before.
+// plan: turns a count into workgroup counts for indirect dispatches, or into zeros when the count exceeds the capacity.
+// One thread of one workgroup owns everything. When `status` is already set, counts are invalid and only zeros are
+// written. In both cases the event is void, so the first `void_entries` entries of `args`, planned before, become zero
+// too.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "count.glsl"
@@ -11,15 +12,15 @@ layout(set = 0, binding = 0) buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) writeonly buffer Args { uvec4 args[]; };
 layout(push_constant) uniform Push {
     uint source;       // counter that holds the count
-    uint capacity;     // most that fits
-    uint status_bit;   // set in `status` when it does not fit
+    uint capacity;     // largest count that fits
+    uint status_bit;   // set in `status` when the count does not fit
     uint want;         // counter that keeps the largest count seen, or NO_COUNTER
     uint first;        // first entry of `args` to write
-    uint entries;      // how many, at most 8
+    uint entries;      // number of entries, at most 8
     uint void_entries; // entries from the first of `args` on that are zeroed when the event is void
     uint divide[8];    // the entry's elements: table_size(count, divide, multiply)
     uint multiply[8];
-    uint items[8];     // elements per workgroup; 0: `multiply` workgroups whatever the count
+    uint items[8];     // elements per workgroup; 0: `multiply` workgroups regardless of the count
 } push;
 
 // Most workgroups on one axis; devices allow at least 65,535.
@@ -31,7 +32,7 @@ void main() {
     const uint count = counters[push.source];
     bool go = status == 0u;
     if (go) {
-        // There is a counter at this index also where none is wanted: drivers load before they look at the condition.
+        // The index is always valid, even without a counter, because drivers may load before testing the condition.
         const uint wanted = push.want == NO_COUNTER ? push.source : push.want;
         const uint most = max(counters[wanted], count);
         if (push.want != NO_COUNTER) counters[wanted] = most;

@@ -1,6 +1,7 @@
 #version 460
-// pool: the largest of 3x3 values, every second pixel; windows may hang over the right and the lower edge (ceil mode).
-// One thread owns four channels of an output pixel; one workgroup owns 64 consecutive threads. The first of equal values wins.
+// pool: the largest of 3x3 values, at every second pixel; windows may extend past the right and the lower edge (ceil
+// mode). One thread owns four channels of an output pixel; one workgroup owns 64 consecutive threads. The first of
+// equal values wins.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"

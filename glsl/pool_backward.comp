@@ -1,6 +1,6 @@
 #version 460
-// pool_backward: gives the gradient of every maximum to the pixel that it was taken from.
-// One thread owns four channels of an input pixel and looks at the up to four windows over it; one workgroup owns 64 consecutive threads.
+// pool_backward: passes the gradient of every maximum to the source pixel of the maximum. One thread owns four channels
+// of an input pixel and reads the up to four windows that cover the pixel; one workgroup owns 64 consecutive threads.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
@@ -20,8 +20,8 @@ layout(push_constant) uniform Push {
     uint flags;
 } push;
 
-const uint FLAG_ADD = 1u;   // to what grad_in holds
-const uint FLAG_GATE = 4u;  // 0 where the gate, laid out as grad_in, is not positive
+const uint FLAG_ADD = 1u;   // add to grad_in
+const uint FLAG_GATE = 4u;  // 0 where the gate (same layout as grad_in) is not positive
 
 void main() {
     const uint index = global_index();
@@ -33,7 +33,8 @@ void main() {
     vec4 sum = vec4(0.0);
     if ((push.flags & FLAG_ADD) != 0u) sum = LOAD4(grad_in, index);
     for (uint k = 0u; k < 4u; ++k) {
-        // The windows that begin at or before the pixel; left of and above the image they wrap to large numbers, which are outside.
+        // The windows that begin at or before the pixel; left of and above the image their indices wrap to large
+        // numbers, which are outside.
         const uvec2 window = uvec2(x, y) / 2u - uvec2(k & 1u, k >> 1);
         const uvec2 within = uvec2(x, y) - 2u * window;
         if (window.x < push.out_width && window.y < push.out_height && within.x < 3u && within.y < 3u) {

@@ -1,9 +1,9 @@
 #version 460
 //! variant multiply_add
 //! variant exp2 EXP2
-// probe_rate: arithmetic on registers alone, to measure how fast the device calculates. No memory but for one sum per thread.
-// One thread owns eight chains of operations that do not wait for each other, as a thread of the blending passes owns eight pixels;
-// a workgroup is what those passes use on the device. multiply_add: x <- x a + b; exp2: x <- 2^-x.
+// probe_rate: arithmetic on registers only, to measure the device's arithmetic rate. Writes one sum per thread. One
+// thread owns eight independent chains of operations, like the eight pixels of a thread in the blending passes; a
+// workgroup has the size of the blending passes' workgroups on the device. multiply_add: x <- x a + b; exp2: x <- 2^-x.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common.glsl"

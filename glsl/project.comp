@@ -1,7 +1,7 @@
 #version 460
-// project: the 2D Gaussian of every splat (EWA), its colour from spherical harmonics, and the number of tiles it touches.
-// One thread owns one splat; one workgroup owns 64 consecutive splats.
-// A culled splat (behind the near plane, off screen, too faint, not finite) gets a tile count of 0 and nothing else is written.
+// project: the 2D Gaussian of every splat (EWA), its colour from spherical harmonics, and the number of tiles it
+// touches. One thread owns one splat; one workgroup owns 64 consecutive splats. A culled splat (behind the near plane,
+// off screen, too faint, not finite) gets a tile count of 0; its other outputs are not written.
 //! texels means scales
 #extension GL_GOOGLE_include_directive : require
 #include "project.glsl"

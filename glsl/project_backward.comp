@@ -1,7 +1,7 @@
 #version 460
 // project_backward: gradients of every splat's parameters from the gradients of its 2D Gaussian (columns of grad2d).
-// One thread owns one splat; one workgroup owns 64 consecutive splats. A culled splat (tile count 0) gets zeros. Where ADD is 1 all of this
-// is added to what is there.
+// One thread owns one splat; one workgroup owns 64 consecutive splats. A culled splat (tile count 0) gets zeros. With
+// ADD = 1 gradients are added instead of written.
 #extension GL_GOOGLE_include_directive : require
 #include "camera_push.glsl"
 #include "common.glsl"
@@ -12,7 +12,7 @@ layout(constant_id = 0) const uint AUX = 0u;
 // Weight of the smallest standard deviation in the loss, a float as bits.
 layout(constant_id = 1) const uint FLATTEN = 0u;
 layout(constant_id = 2) const uint ADD = 0u;
-// Weight of half the squares of the view-dependent coefficients in use in the loss, a float as bits.
+// Weight of half the squared view-dependent coefficients in use in the loss, a float as bits.
 layout(constant_id = 3) const uint SHRINK = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Means { float means[]; };
@@ -55,7 +55,7 @@ void main() {
     SplatGradient g = no_gradient();
     SplatParams splat;
     for (uint k = 0u; k < 12u; ++k) splat.sh[k] = vec4(0.0);
-    // By degree; nothing for a splat that is not on the image.
+    // Weights by degree; zeros for a splat that is not on the image.
     vec3 shrink = vec3(0.0);
     if (tile_counts[i] != 0u) {
         splat.mean = vec3(means[s], means[s + 1u], means[s + 2u]);

@@ -1,7 +1,7 @@
 #version 460
-// project_half: as project, with the coefficients of the spherical harmonics in half floats, two in a word: pictures only.
-// One thread owns one splat; one workgroup owns 64 consecutive splats.
-// A culled splat (behind the near plane, off screen, too faint, not finite) gets a tile count of 0 and nothing else is written.
+// project_half: like project, with sh coefficients in half floats, two in a word. For renders only. One thread owns one
+// splat; one workgroup owns 64 consecutive splats. A culled splat (behind the near plane, off screen, too faint, not
+// finite) gets a tile count of 0; its other outputs are not written.
 //! texels means scales
 #extension GL_GOOGLE_include_directive : require
 #define HALF

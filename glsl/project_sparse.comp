@@ -1,9 +1,9 @@
 #version 460
-// project_sparse: as project, for devices that run through all of a branch that no thread takes. Splats that a bound on their extent shows
-// to be out of view, which in a large scene are most, are left out of the projection: to the same results.
-// One workgroup, which is one subgroup of 8 threads, owns 64 consecutive splats: first one thread a splat in turn looks whether it may be
-// seen, then one thread of those listed in turn projects it.
-// A culled splat (behind the near plane, off screen, too faint, not finite) gets a tile count of 0 and nothing else is written.
+// project_sparse: like project, with the same results, for devices that also execute branches that no thread takes.
+// Splats that a bound on their extent proves to be out of view, most splats of a large scene, skip the projection. One
+// workgroup, which is one subgroup of 8 threads, owns 64 consecutive splats: first each thread tests splats in turn for
+// visibility, then each thread projects listed splats in turn. A culled splat (behind the near plane, off screen, too
+// faint, not finite) gets a tile count of 0; its other outputs are not written.
 //! texels means scales
 #extension GL_GOOGLE_include_directive : require
 #define LOCAL_SIZE 8
@@ -12,20 +12,21 @@
 layout(local_size_x = 8) in;
 
 const uint CHUNK = 64u;
-// A splat that may reach further, in pixels, is projected wherever it is. The wider side of one that does not is at most 120 times the narrower,
-// so that what tile.glsl takes off its conic stretches it by less than a thirtieth.
+// A splat that may reach further, in pixels, is always projected. A splat within the reach has an aspect of at most
+// 120, so the margin that tile.glsl subtracts from its conic stretches the splat by less than a thirtieth.
 const float FAR_REACH = 160.0;
 shared uint chosen[CHUNK];
 
 // Coefficients of |w - ratio w2|^2 in powers of the ratio, for w a row of the camera's rotation and w2 its third.
 vec3 squared_row(vec3 w, vec3 w2) { return vec3(dot(w, w), -2.0 * dot(w, w2), dot(w2, w2)); }
 
-// At least the dilated variance along an axis of the image: that of a row of J W R S, where R is a rotation and no scale is larger than the largest.
+// Upper bound of the dilated variance along an axis of the image: the squared length of a row of J W R S, with R a
+// rotation and every scale replaced by the largest.
 float most_variance(vec3 squared, float ratio, float spread) {
     return (squared.x + ratio * (squared.y + ratio * squared.z)) * spread * spread + DILATION;
 }
 
-// False only where project_splat finds nothing to draw and nothing that is not finite.
+// False only for a splat that project_splat culls and that is finite.
 bool may_be_seen(Camera camera, vec3 across, vec3 down, float deviations, uint i) {
     const vec3 mean = LOAD3(means, i);
     const vec3 log_scale = LOAD3(scales, i);
@@ -37,7 +38,7 @@ bool may_be_seen(Camera camera, vec3 across, vec3 down, float deviations, uint i
     const vec2 spread = camera.focal / p.z * exp(max(log_scale.x, max(log_scale.y, log_scale.z)));
     const vec2 variance = vec2(most_variance(across, ratio.x, spread.x), most_variance(down, ratio.y, spread.y));
     const vec2 reach = deviations * sqrt(variance) + 1.0;
-    // Written so that what is not finite may be seen.
+    // Written so that the test is true for non-finite values.
     const bvec2 before = lessThan(at + reach, vec2(0.0));
     const bvec2 after = greaterThan(at - reach, vec2(push.width, push.height));
     const bool outside = any(before) || any(after);
@@ -49,7 +50,8 @@ void main() {
     const Camera camera = camera_from_push();
     const vec3 across = squared_row(camera.w0, camera.w2);
     const vec3 down = squared_row(camera.w1, camera.w2);
-    // Standard deviations from the centre of an opaque splat to where alpha is ALPHA_MIN, and a twentieth for what tile.glsl adds, and rounding.
+    // Standard deviations from the centre of an opaque splat to alpha = ALPHA_MIN, plus a twentieth for the margins of
+    // tile.glsl and rounding.
     const float deviations = 1.05 * sqrt(-2.0 * log(ALPHA_MIN));
     const uint lane = subgroup_lane();
     const uint width = subgroup_width();

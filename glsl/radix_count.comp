@@ -1,11 +1,10 @@
 #version 460
 //! variant runs
 //! variant groups RADIX_GROUPS
-// radix_count: how often each digit occurs in each block of consecutive keys, as a table [digit][block]: its prefix sum is where a stable
-// sort by the digit puts each block's keys.
-// Digits up to 256.
-// runs (CPU devices): one thread owns a block and counts in private memory; a workgroup owns 8 blocks.
-// groups: a workgroup owns a block of 256 * ITEMS keys, a thread every 256th of them, and counts in shared memory.
+// radix_count: counts each digit in each block of consecutive keys, as a table [digit][block]. The prefix sum of the
+// table gives the places of each block's keys in a stable sort by the digit. Digits up to 256. runs (CPU devices): one
+// thread owns a block and counts in private memory; a workgroup owns 8 blocks. groups: a workgroup owns a block of 256
+// * ITEMS keys, a thread every 256th of them, and counts in shared memory.
 #extension GL_GOOGLE_include_directive : require
 #ifdef RADIX_GROUPS
 #define LOCAL_SIZE 256
@@ -27,7 +26,7 @@ layout(set = 0, binding = 1) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 2) writeonly buffer Table { uint table[]; };
 layout(push_constant) uniform Push {
     uint source;  // counter that holds the number of keys, or NO_COUNTER
-    uint count;   // the number when there is no counter
+    uint count;   // the number of keys for NO_COUNTER
     uint shift;   // digit = (key >> shift) & mask
     uint mask;
     uint digits;  // rows of the table, more than mask

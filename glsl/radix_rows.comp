@@ -1,10 +1,10 @@
 #version 460
 //! variant subgroup
 //! variant emulated SUBGROUP_EMULATED
-// radix_rows: between radix_count and radix_scatter of the groups shape: of each digit, the exclusive prefix sum over the blocks of keys,
-// and behind the table how many keys have the digit. What lies between digits is left to radix_scatter, whose workgroups add up the digits
-// before their own: one pass for any number of keys, and no workgroup waits for another.
-// A workgroup owns a digit, a row of the table, and walks along it; in each turn a thread owns PER_TURN consecutive words.
+// radix_rows: runs between radix_count and radix_scatter of the groups shape. Per digit, writes the exclusive prefix
+// sum over the blocks of keys, and after the table the number of keys with the digit. radix_scatter adds the counts of
+// lower digits. So one pass suffices for any number of keys, and no workgroup waits for another. A workgroup owns a
+// digit, a row of the table, and walks along it; in each turn a thread owns PER_TURN consecutive words.
 #extension GL_GOOGLE_include_directive : require
 #define LOCAL_SIZE 256
 #include "subgroup.glsl"
@@ -19,7 +19,7 @@ layout(set = 0, binding = 1) readonly buffer Table { uint table[]; };
 layout(set = 0, binding = 2) writeonly buffer Places { uint places[]; };
 layout(push_constant) uniform Push {
     uint source;  // counter that holds the number of keys, or NO_COUNTER
-    uint count;   // the number when there is no counter
+    uint count;   // the number of keys for NO_COUNTER
     uint shift;
     uint mask;
     uint digits;  // rows of the table

@@ -2,14 +2,13 @@
 //! variant runs
 //! variant groups RADIX_GROUPS
 //! variant groups_emulated RADIX_GROUPS SUBGROUP_EMULATED
-// radix_scatter: moves keys and values to their places by one digit, keeping the order of equal digits. `places` comes from radix_count's
-// table: its prefix sum (runs), or what radix_rows makes of it (groups).
-// Digits up to 256.
-// runs (CPU devices): one thread owns a block of BLOCK keys and walks it with private places; a workgroup owns 8 blocks.
-// groups: a workgroup owns a block of 256 * ITEMS keys, a subgroup ITEMS consecutive rows of them, as wide as it has lanes, a thread
-// one column. The lanes whose keys have the same digit find each other by one vote per bit; the first of them adds their number to the
-// subgroup's counter of the digit. Prefix sums of the counters over subgroups and digits rank the keys; the block is put in order in
-// shared memory, first its keys and then its values, so that neighbours write to neighbouring places.
+// radix_scatter: moves keys and values to their places by one digit, keeping the order of equal digits. `places` is the
+// prefix sum of radix_count's table (runs), or the output of radix_rows (groups). Digits up to 256. runs (CPU devices):
+// one thread owns a block of BLOCK keys and walks it with private places; a workgroup owns 8 blocks. groups: a
+// workgroup owns a block of 256 * ITEMS keys, a subgroup ITEMS consecutive rows with one key per lane, a thread one
+// column. One vote per bit finds the lanes with the same digit; the first of these lanes adds their number to the
+// subgroup's counter of the digit. Prefix sums of the counters over subgroups and digits rank the keys; the block is
+// put in order in shared memory, first its keys and then its values, so that neighbours write to neighbouring places.
 // (Warp-level multi-split: Ashkiani et al. 2016; reduce-then-scan, so that no workgroup waits for another.)
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
@@ -31,7 +30,8 @@ layout(constant_id = 0) const uint ITEMS = 8u;
 #else
 layout(constant_id = 1) const uint WIDTH = 32u;  // of subgroups
 #endif
-// 16-bit counters [subgroup][digit], of which the subgroups of the first and of the second half share a word; then what is put in order.
+// 16-bit counters [subgroup][digit], where a subgroup of the first half and one of the second half share a word; later
+// the block in sorted order.
 const uint HALF = LOCAL_SIZE / WIDTH / 2u;
 const uint COUNTED = MOST_DIGITS * HALF;
 const uint STAGED = LOCAL_SIZE * ITEMS;
@@ -48,13 +48,13 @@ layout(set = 0, binding = 4) writeonly buffer KeysOut { uint keys_out[]; };
 layout(set = 0, binding = 5) writeonly buffer ValsOut { uint vals_out[]; };
 layout(push_constant) uniform Push {
     uint source;  // counter that holds the number of keys, or NO_COUNTER
-    uint count;   // the number when there is no counter
+    uint count;   // the number of keys for NO_COUNTER
     uint shift;   // digit = (key >> shift) & mask
     uint mask;
     uint digits;  // rows of the table, more than mask
 } push;
 #ifdef RADIX_GROUPS
-// Of the lanes that `votes` names: how many there are, how many before this one, which is the first.
+// Of the lanes in `votes`: their number, the number before this lane, and the first lane.
 uint votes_in(uvec4 votes) { return WIDTH <= 32u ? uint(bitCount(votes.x)) : ballot_count(votes); }
 uint votes_before(uvec4 votes) {
     return WIDTH <= 32u ? uint(bitCount(votes.x & ((1u << subgroup_lane()) - 1u))) : ballot_before(votes);
@@ -83,7 +83,7 @@ void main() {
     uint own_place[ITEMS];
     for (uint i = 0u; i < ITEMS; ++i) {
         const uint at = first + i * WIDTH;
-        // What lies past the end has the highest digit and comes last of it, so behind every key.
+        // Elements past the end get the highest digit and come last, so after every key.
         own_key[i] = 0xffffffffu;
         own_val[i] = 0u;
         if (at < valid) {
@@ -127,7 +127,7 @@ void main() {
     const bool used = block < blocks && digit_of_thread < push.digits;
     const uint of_digit = used ? places[push.digits * blocks + digit_of_thread] : 0u;
     const uint in_row = used ? places[digit_of_thread * blocks + block] : 0u;
-    // Modulo 2^32: with a key's place in the block added it is the key's place.
+    // Modulo 2^32: adding a key's position in the block gives the key's place.
     digit_places[digit_of_thread] = workgroup_exclusive_add(of_digit, total) + in_row - start;
     barrier();
     for (uint i = 0u; i < ITEMS; ++i) {

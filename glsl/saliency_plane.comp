@@ -1,6 +1,6 @@
 #version 460
-// saliency_plane: the saliency of a view's pixels, or of a band of its rows, from its soft mask of reduced size. Linear between the mask's pixels.
-// One thread owns a pixel; one workgroup owns 64 consecutive pixels.
+// saliency_plane: the saliency of a view's pixels, or of a band of its rows, from its soft mask of reduced size. Linear
+// between the mask's pixels. One thread owns a pixel; one workgroup owns 64 consecutive pixels.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 layout(local_size_x = 64) in;

@@ -3,8 +3,8 @@
 //! variant subgroup_rows ROWS
 //! variant emulated SUBGROUP_EMULATED
 // scan_add: third pass of a prefix sum: every word's exclusive prefix within its workgroup plus the workgroup's base.
-// One thread owns ITEMS consecutive words, a workgroup 64 * ITEMS. ROWS, for GPUs: a subgroup owns ITEMS consecutive rows of words, as wide as
-// it has lanes, and a thread one column, so that neighbours load and store neighbouring words.
+// One thread owns ITEMS consecutive words, a workgroup 64 * ITEMS. ROWS, for GPUs: a subgroup owns ITEMS consecutive
+// rows with one word per lane, and a thread one column, so that neighbouring threads load and store neighbouring words.
 #extension GL_GOOGLE_include_directive : require
 #define LOCAL_SIZE 64
 #include "subgroup.glsl"
@@ -19,10 +19,10 @@ layout(set = 0, binding = 2) readonly buffer Sums { uint sums[]; };
 layout(set = 0, binding = 3) writeonly buffer Target { uint target[]; };
 layout(push_constant) uniform Push {
     uint source;     // counter that holds the count, or NO_COUNTER
-    uint count;      // the count when there is no counter
+    uint count;      // the count for NO_COUNTER
     uint divide;     // elements: table_size(count, divide, multiply)
     uint multiply;
-    uint predicate;  // not 0: sum 1 for every word that is not 0
+    uint predicate;  // nonzero: sum 1 for every nonzero word
     uint total;      // counter that gets the sum, or NO_COUNTER (spine)
 } push;
 void main() {
@@ -43,7 +43,7 @@ void main() {
         sum += subgroup_broadcast(prefix + value, width - 1u);
     }
     uint total;
-    // What the first lane of a subgroup has before it is what the subgroup has.
+    // The base of a subgroup is the base of its first lane.
     const uint begin = subgroup_broadcast(workgroup_exclusive_add(subgroup_elect() ? sum : 0u, total), 0u);
     const uint base = begin + (group < table_size(n, LOCAL_SIZE * ITEMS, 1u) ? sums[group] : 0u);
     for (uint i = 0u; i < ITEMS; ++i) {

@@ -2,10 +2,9 @@
 //! variant subgroup
 //! variant subgroup_wide WIDE
 //! variant emulated SUBGROUP_EMULATED
-// scan_once: the whole of an exclusive prefix sum by one workgroup, for few words: one dispatch instead of three. A total that
-// is more than a word holds becomes the largest word.
-// The workgroup walks over the words; in each turn a thread owns ITEMS consecutive ones. WIDE: 512 threads instead of 64, for GPUs, which
-// wait for memory in every turn.
+// scan_once: the whole of an exclusive prefix sum by one workgroup, for few words: one dispatch instead of three. A
+// total that overflows becomes the largest word. The workgroup walks over the words; in each turn a thread owns ITEMS
+// consecutive words. WIDE: 512 threads instead of 64, for GPUs, where every turn waits for memory.
 #extension GL_GOOGLE_include_directive : require
 #ifdef WIDE
 #define LOCAL_SIZE 512
@@ -23,18 +22,18 @@ layout(set = 0, binding = 1) buffer Counters { uint counters[]; };
 layout(set = 0, binding = 2) writeonly buffer Target { uint target[]; };
 layout(push_constant) uniform Push {
     uint source;     // counter that holds the count, or NO_COUNTER
-    uint count;      // the count when there is no counter
+    uint count;      // the count for NO_COUNTER
     uint divide;     // elements: table_size(count, divide, multiply)
     uint multiply;
-    uint predicate;  // not 0: sum 1 for every word that is not 0
+    uint predicate;  // nonzero: sum 1 for every nonzero word
     uint total;      // counter that gets the sum, or NO_COUNTER
 } push;
-shared uint passed;  // not 0: the sum is more than a word holds
+shared uint passed;  // nonzero: the sum has overflowed
 
 void main() {
     if (local_index() == 0u) passed = 0u;
     barrier();
-    // A dispatch of several workgroups would be a mistake of the host; the others do nothing.
+    // Only one workgroup is expected; further workgroups do nothing.
     const bool owner = group_index() == 0u;
     const uint given = push.source == NO_COUNTER ? push.count : counters[push.source];
     const uint n = owner ? table_size(given, push.divide, push.multiply) : 0u;

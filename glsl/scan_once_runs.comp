@@ -1,6 +1,7 @@
 #version 460
-// scan_once_runs: as scan_once, for processors, to which one subgroup is as good as eight, and barriers are dear.
-// One workgroup, which is one subgroup of 8 threads, owns all words; one thread owns a run of consecutive words, as many as the next.
+// scan_once_runs: like scan_once, for CPU devices, where one subgroup is as fast as eight and barriers are slow. One
+// workgroup, which is one subgroup of 8 threads, owns all words; one thread owns a run of consecutive words; all runs
+// have equal length.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #define LOCAL_SIZE 8
@@ -13,10 +14,10 @@ layout(set = 0, binding = 1) buffer Counters { uint counters[]; };
 layout(set = 0, binding = 2) writeonly buffer Target { uint target[]; };
 layout(push_constant) uniform Push {
     uint source;     // counter that holds the count, or NO_COUNTER
-    uint count;      // the count when there is no counter
+    uint count;      // the count for NO_COUNTER
     uint divide;     // elements: table_size(count, divide, multiply)
     uint multiply;
-    uint predicate;  // not 0: sum 1 for every word that is not 0
+    uint predicate;  // nonzero: sum 1 for every nonzero word
     uint total;      // counter that gets the sum, or NO_COUNTER
 } push;
 
@@ -25,7 +26,7 @@ const uint PER_TURN = 8u;
 uint value_of(uint word) { return push.predicate != 0u ? uint(word != 0u) : word; }
 
 void main() {
-    // A dispatch of several workgroups would be a mistake of the host; the others do nothing.
+    // Only one workgroup is expected; further workgroups do nothing.
     const bool owner = group_index() == 0u;
     const uint given = push.source == NO_COUNTER ? push.count : counters[push.source];
     const uint n = owner ? table_size(given, push.divide, push.multiply) : 0u;
@@ -47,7 +48,7 @@ void main() {
     } while (at < end);
     const uint before = subgroup_exclusive_add(sum);
     const uint total = subgroup_broadcast(before + sum, width - 1u);
-    // Where the sum first is more than a word holds, it wraps within a thread's run.
+    // At the first overflow the sum wraps within a thread's run.
     uint running = before;
     bool over = false;
     at = first;

@@ -1,8 +1,9 @@
 #version 460
 //! variant subgroup
 //! variant emulated SUBGROUP_EMULATED
-// scan_reduce: first of the three passes of an exclusive prefix sum (reduce, then scan; no workgroup waits for another).
-// One thread owns every 64th of the 64 * ITEMS consecutive words that a workgroup owns; it writes their sum.
+// scan_reduce: first of the three passes of an exclusive prefix sum (reduce, then scan; no workgroup waits for
+// another). One thread owns every 64th of the 64 * ITEMS consecutive words of its workgroup; the workgroup writes their
+// sum.
 #extension GL_GOOGLE_include_directive : require
 #define LOCAL_SIZE 64
 #include "subgroup.glsl"
@@ -16,10 +17,10 @@ layout(set = 0, binding = 1) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 2) writeonly buffer Sums { uint sums[]; };
 layout(push_constant) uniform Push {
     uint source;     // counter that holds the count, or NO_COUNTER
-    uint count;      // the count when there is no counter
+    uint count;      // the count for NO_COUNTER
     uint divide;     // elements: table_size(count, divide, multiply)
     uint multiply;
-    uint predicate;  // not 0: sum 1 for every word that is not 0
+    uint predicate;  // nonzero: sum 1 for every nonzero word
     uint total;      // counter that gets the sum, or NO_COUNTER (spine)
 } push;
 void main() {

@@ -1,9 +1,9 @@
 #version 460
 //! variant subgroup
 //! variant emulated SUBGROUP_EMULATED
-// scan_spine: second pass of a prefix sum: the exclusive prefix sum of the workgroups' sums, in place, and the total: the largest word
-// where that is more, so that what asks for room sees it.
-// One workgroup owns all sums and walks over them; in each turn a thread owns ITEMS consecutive ones.
+// scan_spine: second pass of a prefix sum: the exclusive prefix sum of the workgroups' sums, in place, and the total. A
+// total that overflows becomes the largest word, so that the capacity check fails. One workgroup owns all sums and
+// walks over them; in each turn a thread owns ITEMS consecutive sums.
 #extension GL_GOOGLE_include_directive : require
 #define LOCAL_SIZE 64
 #include "subgroup.glsl"
@@ -16,18 +16,18 @@ layout(set = 0, binding = 0) buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) buffer Sums { uint sums[]; };
 layout(push_constant) uniform Push {
     uint source;     // counter that holds the count, or NO_COUNTER
-    uint count;      // the count when there is no counter
+    uint count;      // the count for NO_COUNTER
     uint divide;     // elements: table_size(count, divide, multiply)
     uint multiply;
-    uint predicate;  // not 0: sum 1 for every word that is not 0
+    uint predicate;  // nonzero: sum 1 for every nonzero word
     uint total;      // counter that gets the sum, or NO_COUNTER (spine)
 } push;
-shared uint passed;  // not 0: the sum is more than a word holds
+shared uint passed;  // nonzero: the sum has overflowed
 
 void main() {
     if (local_index() == 0u) passed = 0u;
     barrier();
-    // A dispatch of several workgroups would be a mistake of the host; the others do nothing.
+    // Only one workgroup is expected; further workgroups do nothing.
     const bool owner = group_index() == 0u;
     const uint given = push.source == NO_COUNTER ? push.count : counters[push.source];
     const uint n = table_size(given, push.divide, push.multiply);

@@ -1,7 +1,7 @@
 #version 460
-// slot_sum: adds up the slots of each visible splat, one after the other, into its rows of grad2d and grad_normals.
-// One thread owns four columns of one visible splat: quads 0 to 2 are grad2d's, quad 3 is the normal's (AUX). A workgroup of 64
-// threads owns 16 consecutive visible splats in the order of their index.
+// slot_sum: sums the slots of each visible splat, in order, into the splat's rows of grad2d and grad_normals. One
+// thread owns four columns of one visible splat: quads 0 to 2 are grad2d's, quad 3 is the normal's (AUX). A workgroup
+// of 64 threads owns 16 consecutive visible splats in index order.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
@@ -9,7 +9,7 @@
 #include "loads.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint AUX = 0u;
-layout(constant_id = 23) const uint PER_TURN = 8u;  // slots a turn of the loop
+layout(constant_id = 23) const uint PER_TURN = 8u;  // slots per turn of the loop
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Listed { uint listed[]; };
 layout(set = 0, binding = 2) readonly buffer SlotOffsets { uint slot_offsets[]; };
@@ -27,7 +27,7 @@ void main() {
     const uint begin = slot_offsets[splat];
     const uint end = begin + tile_counts[splat];
     vec4 sum = vec4(0.0);
-    // A visible splat has a slot. The loop tests at its end, see common.glsl.
+    // A visible splat has at least one slot. The loop tests at its end, see common.glsl.
     uint slot = begin;
     do {
         for (uint i = 0u; i < PER_TURN; ++i) {

@@ -1,7 +1,7 @@
 #version 460
-// stereo_blocks: a picture's luma as a row of four for each pixel: the pixel, its right neighbour, and the two below them, so that a
-// bilinear sample is one load. Beyond the right and the lower edge the last column and row go on.
-// One thread owns a pixel; one workgroup owns 64 consecutive pixels.
+// stereo_blocks: a photograph's luma as a row of four per pixel: the pixel, its right neighbour, and the two below
+// them, so that a bilinear sample is one load. Beyond the right and the lower edge the last column and row repeat. One
+// thread owns a pixel; one workgroup owns 64 consecutive pixels.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "divide.glsl"

@@ -1,7 +1,8 @@
 #version 460
-// stereo_filter: keeps what several views agree on (the geometric check of COLMAP and ACMM): a pixel's point is looked up in a source,
-// whose own depth there leads to another point, which must come back to nearly the same pixel at nearly the same depth.
-// One thread owns a pixel of the reference; one workgroup owns 64 consecutive pixels.
+// stereo_filter: keeps hypotheses that several views agree on (the geometric check of COLMAP and ACMM). A pixel's point
+// is projected to a source; the source's own depth there gives another point, which must project back to nearly the
+// same pixel at nearly the same depth. One thread owns a pixel of the reference; one workgroup owns 64 consecutive
+// pixels.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
@@ -10,15 +11,15 @@
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0) readonly buffer Planes { vec4 planes[]; };  // slot 0: reference; slot s + 1: source s
 layout(set = 0, binding = 1) readonly buffer Links { vec4 links[]; };
-layout(set = 0, binding = 2) writeonly buffer Kept { vec4 kept[]; };  // hypothesis and confidence; zeros where it is not kept
+layout(set = 0, binding = 2) writeonly buffer Kept { vec4 kept[]; };  // hypothesis and confidence; zeros if rejected
 layout(push_constant) uniform Push {
     uint width;
     uint height;
-    uint stride;   // pixels from one picture to the next in `planes`
+    uint stride;   // pixels from one photograph to the next in `planes`
     uint sources;
     uint needed;   // sources that must agree
     float pixels;  // least distance of disagreement
-    float depth;   // likewise of depths, relative
+    float depth;   // least relative depth difference of disagreement
     float score;   // least score, 1 + NCC
 } push;
 
@@ -45,11 +46,12 @@ void main() {
         const vec2 nearest = clamp(floor(at), vec2(0.0), size - 1.0);
         const uint row = (source + 1u) * push.stride + uint(nearest.y) * uint(size.x) + uint(nearest.x);
         const vec4 other = LOAD4(planes, row);
-        // The source's surface at the very place, not at the middle of its pixel.
+        // The source's surface at the exact position, not at the pixel centre.
         const float d = other.x + dot(other.yz, at - nearest - 0.5);
         const vec3 back = applied(first + 4u, vec4(at, 1.0, d));
         const vec2 apart = back.xy / max(back.z, 1e-12) - middle;
-        // Depth in the source of the reference's point over that of the source's own: z / plane.x against 1 / d.
+        // Ratio of the depth of the reference's point in the source to the source's own depth: z / plane.x against 1 /
+        // d.
         const float ratio = z * d / max(plane.x, 1e-30);
         const bool close = dot(apart, apart) < push.pixels * push.pixels && abs(ratio - 1.0) < push.depth && back.z > 0.0;
         agree += seen && close && other.w > 0.0 && d > 0.0 ? 1u : 0u;

@@ -1,8 +1,8 @@
 #version 460
-// stereo_refit: the slopes of a window's plane are noisier than its depth. So a plane is laid through the depths around each pixel, those
-// that lie near its own plane: weights fall to 0 where inverse depths differ by `tolerance` of them. What has no score (or, after the
-// check, no confidence) takes no part.
-// One thread owns a pixel; one workgroup owns 64 consecutive pixels.
+// stereo_refit: the slopes of a hypothesis are noisier than its depth. So the pass fits a plane to the neighbouring
+// depths that lie near the pixel's own plane: weights fall to 0 at a relative difference of `tolerance` in inverse
+// depth. Pixels without score (or, after the check, without confidence) are excluded. One thread owns a pixel; one
+// workgroup owns 64 consecutive pixels.
 //! texels
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
@@ -18,7 +18,7 @@ layout(push_constant) uniform Push {
     float tolerance;
 } push;
 
-const float RIDGE = 0.25;  // how much the pixel's own slopes count, in squared pixels
+const float RIDGE = 0.25;  // weight of the pixel's own slopes, in squared pixels
 
 void main() {
     const uint pixel = global_index();
@@ -28,7 +28,7 @@ void main() {
     const vec4 own = LOAD4(kept, pixel);
     const float narrow = 1.0 / max(push.tolerance * own.x, 1e-30);
     const int reach = int(push.reach);
-    // Weight, its first and second moments, and those of what the own plane leaves over.
+    // Sums of weights, of their first and second moments, and of the residuals to the pixel's own plane.
     vec3 moments = vec3(0.0);
     vec3 squares = vec3(0.0);
     vec3 rest = vec3(0.0);

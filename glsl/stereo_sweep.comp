@@ -1,8 +1,8 @@
 #version 460
-// stereo_sweep: PatchMatch for a list of pixels of the reference (propagation over a checkerboard with eight arms as in ACMH, Xu and Tao
-// 2019; random refinement). In a sweep the pixels are of one colour and look at those of the other. In the first call for a view
-// (FLAG_START) every pixel scores the hypothesis that it was given and random ones.
-// One thread owns a pixel of the list; one workgroup owns 64 consecutive ones.
+// stereo_sweep: PatchMatch for a list of pixels of the reference (propagation over a checkerboard with eight arms as in
+// ACMH, Xu and Tao 2019; random refinement). A sweep updates pixels of one colour from pixels of the other colour. The
+// first call for a view (FLAG_START) scores, at every pixel, the given hypothesis and random hypotheses. One thread
+// owns a pixel of the list; one workgroup owns 64 consecutive ones.
 //! texels
 //! variant side3 SIDE=3u
 //! variant side4 SIDE=4u
@@ -19,13 +19,13 @@ layout(constant_id = 0) const uint STEP = 2u;  // pixels between taps of the win
 layout(set = 0, binding = 0) readonly buffer Blocks { vec4 blocks[]; };
 layout(set = 0, binding = 1) readonly buffer Links { vec4 links[]; };
 layout(set = 0, binding = 2) readonly buffer Pixels { uint pixels[]; };
-layout(set = 0, binding = 3) buffer Planes { vec4 planes[]; };  // hypothesis and its score; score 0 where there is none
+layout(set = 0, binding = 3) buffer Planes { vec4 planes[]; };  // hypothesis and its score; score 0 for no hypothesis
 layout(push_constant) uniform Push {
     uint width;
     uint height;
-    uint stride;   // pixels from one picture to the next in `blocks`
+    uint stride;   // pixels from one photograph to the next in `blocks`
     uint sources;  // at most 4
-    uint best;     // so many best sources count, from 1 to 4
+    uint best;     // number of best sources that count, from 1 to 4
     uint first;    // of the pixels in the list
     uint count;
     uint turn;  // number of the call, for random draws
@@ -36,7 +36,7 @@ layout(push_constant) uniform Push {
     float focal_y;
     float centre_x;
     float centre_y;
-    float least;      // inverse depths that are possible
+    float least;      // range of inverse depths
     float most;
     float amplitude;  // of random changes of the inverse depth
     float slope;      // of random changes of its slopes
@@ -48,12 +48,12 @@ layout(push_constant) uniform Push {
 
 const uint FLAG_START = 1u;
 const uint ARMS = 8u;
-const float TILT = 1.5;  // slope of random planes against the picture's plane, at most
+const float TILT = 1.5;  // largest slope of random planes against the image plane
 
 // From -1 to 1, 1 excluded.
 vec4 spread(uvec4 bits) { return vec4(bits >> 8u) * (1.0 / 8388608.0) - 1.0; }
 
-// In range, and turned towards the camera.
+// Whether a hypothesis is in range and faces the camera.
 bool possible(vec3 hypothesis, vec2 middle) {
     const vec3 ray = vec3((middle.x - push.centre_x) / push.focal_x, (middle.y - push.centre_y) / push.focal_y, 1.0);
     vec3 p = vec3(hypothesis.y * push.focal_x, hypothesis.z * push.focal_y, 0.0);
@@ -62,8 +62,8 @@ bool possible(vec3 hypothesis, vec2 middle) {
     return d >= push.least && d <= push.most && d * d >= push.facing * push.facing * dot(p, p) * dot(ray, ray);
 }
 
-// The neighbour with the highest score on an arm, as (its hypothesis carried over to the pixel, its score). Near arms are the adjacent
-// pixel and three pairs that diverge; far arms are eleven pixels in line, from the third on.
+// The neighbour with the highest score on an arm, as (hypothesis propagated to the pixel, score). Near arms are the
+// adjacent pixel and three diverging pairs; far arms are eleven pixels in a line, from the third on.
 vec4 arm(uint number, ivec2 at) {
     const uint side = number & 3u;
     const ivec2 ahead = side == 0u ? ivec2(0, -1) : side == 1u ? ivec2(0, 1) : side == 2u ? ivec2(-1, 0) : ivec2(1, 0);
@@ -89,13 +89,13 @@ vec4 arm(uint number, ivec2 at) {
     return found;
 }
 
-// Anywhere in the range.
+// A random hypothesis anywhere in the range.
 vec3 random_plane(vec4 draw) {
     const float d = mix(push.least, push.most, 0.5 + 0.5 * draw.x);
     return vec3(d, d * TILT * draw.y / push.focal_x, d * TILT * draw.z / push.focal_y);
 }
 
-// Near a hypothesis: in depth, in slope, or in both, by turns.
+// A random hypothesis near the given one: changes depth, slope, or both, in turn.
 vec3 changed(vec3 hypothesis, uint draw_number, vec4 draw) {
     const uint kind = draw_number % 3u;
     const vec2 slopes = kind == 0u ? hypothesis.yz : hypothesis.yz + push.slope * draw.yz;

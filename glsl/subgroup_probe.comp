@@ -1,8 +1,8 @@
 #version 460
 //! variant subgroup
 //! variant emulated SUBGROUP_EMULATED
-// subgroup_probe: every operation of subgroup.glsl and workgroup_sum.glsl on one word per thread, for tests of a device.
-// One thread owns one word and 12 words of results; a workgroup owns 128 consecutive words.
+// subgroup_probe: every operation of subgroup.glsl and workgroup_sum.glsl on one word per thread, for tests of a
+// device. One thread owns one word and 12 words of results; a workgroup owns 128 consecutive words.
 #extension GL_GOOGLE_include_directive : require
 #define LOCAL_SIZE 128
 #include "subgroup.glsl"
@@ -12,7 +12,7 @@ layout(local_size_x = LOCAL_SIZE) in;
 layout(set = 0, binding = 0) readonly buffer Source { uint source[]; };
 layout(set = 0, binding = 1) writeonly buffer Results { uint results[]; };
 layout(push_constant) uniform Push {
-    uint width;  // what the subgroup's width should be
+    uint width;  // expected subgroup width
 } push;
 void main() {
     const uint i = group_index() * LOCAL_SIZE + workgroup_rank();

@@ -1,12 +1,12 @@
 #version 460
-// tile_ranges: where each tile's list begins and ends in the sorted pairs, and the splat of each sorted pair (not where CARRIED).
-// One thread owns one sorted pair, and the bound of a tile's range where the tile changes; a workgroup owns 64 consecutive pairs.
-// `tile_ranges` is zero beforehand, which is what a tile without pairs keeps.
+// tile_ranges: the range of each tile in the sorted pairs, and the splat of each sorted pair (not with CARRIED). One
+// thread owns one sorted pair, and the bound of a tile's range where the tile changes; a workgroup owns 64 consecutive
+// pairs. `tile_ranges` is zero beforehand, so a tile without pairs keeps an empty range.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"
 layout(local_size_x = 64) in;
-layout(constant_id = 0) const uint CARRIED = 0u;  // the sort carried the splats themselves, so that they are sorted already
+layout(constant_id = 0) const uint CARRIED = 0u;  // 1: the pairs carry the splats themselves, already sorted
 layout(set = 0, binding = 0) readonly buffer PairKeys { uint pair_keys[]; };
 layout(set = 0, binding = 1) readonly buffer PairVals { uint pair_vals[]; };
 layout(set = 0, binding = 2) readonly buffer SlotSplat { uint slot_splat[]; };

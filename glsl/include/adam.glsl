@@ -2,9 +2,9 @@
 #ifndef ADAM_GLSL
 #define ADAM_GLSL
 
-const uint ADAM_LARGEST_BITS = 0x5e5e0b6bu;  // 4e18: its square still fits, with the sum of moments
+const uint ADAM_LARGEST_BITS = 0x5e5e0b6bu;  // 4e18: the square and the sum of moments are still finite
 
-// What an element's step needs beyond its rate.
+// Parameters of an element's step besides the learning rate.
 struct AdamStep {
     float beta1;
     float gain1;           // 1 - beta1, rounded from double precision
@@ -15,8 +15,8 @@ struct AdamStep {
     float inv_sqrt_bias2;  // 1 / sqrt(1 - beta2^t)
 };
 
-// What steps with a gradient of zero do, several at once: moments are multiplied by `first` and `second`, and the element moves by
-// `moved` times what one of them would move it by without the decay.
+// Effect of several steps with zero gradient at once: moments are multiplied by `first` and `second`, and the element
+// moves by `moved` times one such step without decay.
 struct AdamMissed {
     float first;
     float second;
@@ -33,20 +33,20 @@ float power(float x, uint k) {
     return product;
 }
 
-// In the j-th of them m / sqrt(v) is what it was times this to the power of j.
+// In step j, m / sqrt(v) is its initial value times this ratio to the power of j.
 float adam_decay(AdamStep step) {
     precise float decay = step.beta1 / sqrt(step.beta2);
     return decay;
 }
 
-// Of `count` steps, below 2^16: a geometric series.
+// The effect of `count` steps, below 2^16: a geometric series.
 AdamMissed adam_missed(AdamStep step, uint count) {
     const float decay = adam_decay(step);
     precise float moved = decay * (1.0 - power(decay, count)) / (1.0 - decay);
     return AdamMissed(power(step.beta1, count), power(step.beta2, count), moved);
 }
 
-// Makes up for them, with the present rate and bias corrections.
+// Makes up for the missed steps, with the current learning rate and bias corrections.
 float adam_catch_up(AdamStep step, AdamMissed missed, float lr, float param, inout float first, inout float second) {
     precise float speed = (first * step.inv_bias1) / (sqrt(second) * step.inv_sqrt_bias2 + step.eps);
     precise float moved = param - lr * missed.moved * speed;
@@ -55,10 +55,10 @@ float adam_catch_up(AdamStep step, AdamMissed missed, float lr, float param, ino
     return moved;
 }
 
-// By bits, so that no assumption about NaN can remove it.
+// Tests bits, so that a compiler's assumptions about NaN cannot remove the test.
 bool adam_accepts(float g) { return (floatBitsToUint(g) & 0x7fffffffu) <= ADAM_LARGEST_BITS; }
 
-// Steps an element and its moments, unless its gradient says nothing.
+// Steps an element and its moments, unless the gradient is invalid.
 float adam(AdamStep step, float lr, float g, float param, inout float first, inout float second) {
     precise float m = step.beta1 * first + step.gain1 * g;
     precise float v = step.beta2 * second + step.gain2 * (g * g);

@@ -1,4 +1,5 @@
-// Whether every parameter of a splat is a finite number. To be included after finite.glsl, counters.glsl and the bindings of the model's planes.
+// Whether every parameter of a splat is a finite number. To be included after finite.glsl, counters.glsl and the
+// bindings of the model's planes.
 #ifndef ALL_FINITE_GLSL
 #define ALL_FINITE_GLSL
 

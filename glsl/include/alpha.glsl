@@ -1,11 +1,12 @@
-// The opacity of one splat at one pixel, shared by blend_forward, blend_backward and depth_probe so that all take the same decisions.
+// The alpha of one splat at one pixel, shared by blend_forward, blend_backward and depth_probe so that all make the same
+// decisions.
 //
-// alpha = min(0.99, opacity exp(-(A dx^2 + C dy^2) / 2 - B dx dy)); a splat is skipped where alpha < ALPHA_MIN, and a pixel stops
-// before the splat that would take its transmittance below TRANSMITTANCE_MIN: 1/255 and 1e-4 (Kerbl et al. 2023); early steps of a
-// training may skip more.
-// The exponent is a sum of two squares, by the Cholesky factor of the conic: along a needle the three terms of the plain form are
-// large and cancel, while here the first square is small by itself. Nor can it be positive, which needs a test otherwise.
-// Everything is `precise`: contraction into fused operations would let two kernels disagree about a threshold.
+// alpha = min(0.99, opacity exp(-(A dx^2 + C dy^2) / 2 - B dx dy)); a splat is skipped where alpha < ALPHA_MIN, and a
+// pixel stops before the splat that would take its transmittance below TRANSMITTANCE_MIN: 1/255 and 1e-4 (Kerbl et al.
+// 2023); early training steps may use a higher ALPHA_MIN. The exponent is a sum of two squares, by the Cholesky factor
+// of the conic. Along a needle the three terms of the plain form are large and cancel, while here the first square is
+// small itself. And the exponent is never positive, so no test is needed. Everything is `precise`: with fused
+// operations two kernels could disagree about a threshold.
 #ifndef ALPHA_GLSL
 #define ALPHA_GLSL
 
@@ -29,7 +30,7 @@ vec2 conic_roots(float along, float q, float r, float dy) {
     return vec2(x, y);
 }
 
-// Exponent (base 2) from these.
+// Exponent (base 2) from the two terms.
 float exponent(vec2 roots) {
     precise float e = -(roots.x * roots.x) - roots.y * roots.y;
     return e;
@@ -41,7 +42,7 @@ float unclamped_alpha(float e, float opacity) {
     return alpha >= ALPHA_MIN ? alpha : 0.0;
 }
 
-// Transmittance behind a splat.
+// Transmittance after a splat.
 float attenuate(float transmittance, float alpha) {
     precise float t = transmittance * (1.0 - alpha);
     return t;

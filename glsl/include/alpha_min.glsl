@@ -1,4 +1,4 @@
-// The alpha below which a splat is skipped at a pixel. What lists tiles and what blends are made with the same value.
+// The alpha cutoff: a splat is skipped at a pixel where its alpha is lower. Tile lists and blending use the same value.
 #ifndef ALPHA_MIN_GLSL
 #define ALPHA_MIN_GLSL
 

@@ -1,4 +1,4 @@
-// The body of project_backward_adam and of its form with packed moments (PACKED).
+// The body of project_backward_adam and of the variant with packed moments (PACKED).
 #include "adam.glsl"
 #include "common.glsl"
 #include "counters.glsl"
@@ -6,8 +6,8 @@
 #include "splat_gradient.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint AUX = 0u;
-// Coefficients of the spherical harmonics above this degree never had a gradient: their moments are zero, a step would leave
-// them as they are, and they are not touched.
+// Coefficients above this degree never had a gradient. Their moments are zero, so a step would not change them and
+// skips them.
 layout(constant_id = 1) const uint DEGREE = 3u;
 // Floats as bits.
 layout(constant_id = 2) const uint BETA1 = 0x3f666666u;  // 0.9
@@ -17,17 +17,18 @@ layout(constant_id = 5) const uint GAIN2 = 0x3a83126fu;  // 1 - beta2
 layout(constant_id = 6) const uint EPS = 0x26901d7du;    // 1e-15
 // Weight of the smallest standard deviation in the loss, a float as bits.
 layout(constant_id = 7) const uint FLATTEN = 0u;
-// Weight of half the squares of the view-dependent coefficients in use in the loss, a float as bits.
+// Weight of half the squared view-dependent coefficients in use in the loss, a float as bits.
 layout(constant_id = 8) const uint SHRINK = 0u;
-// Not 0: the splats on the image alone take a step, of which a thread owns the k-th in the order of their index. In the steps that a splat
-// misses its gradient is zero, but its moments decay and move it on: it makes up for that when it steps again. So that it is rendered where
-// it would be by then, it moves in advance by what it is expected to miss, and makes up for the difference alone.
+// Nonzero: only splats on the image step; thread k owns the k-th of them in index order. In a missed step the gradient
+// of a splat is zero, but the moments decay and still move the splat; the splat makes up for the missed steps at its
+// next step. So that renders show the right position, a splat also moves in advance for the steps that it is expected
+// to miss, and later makes up only for the difference.
 layout(constant_id = 9) const uint LISTED = 0u;
-// Not 0: no step is taken. Every splat is brought to where it would be if all took every step.
+// Nonzero: no step. Every splat makes up for its missed steps.
 layout(constant_id = 10) const uint CATCHES_UP = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Splat2d { vec4 splat2d[]; };
-layout(set = 0, binding = 2) readonly buffer OnImage { uint on_image[]; };  // tile counts of all splats, or the LISTED ones
+layout(set = 0, binding = 2) readonly buffer OnImage { uint on_image[]; };  // tile counts, or splats (LISTED)
 layout(set = 0, binding = 3) readonly buffer Grad2d { vec4 grad2d[]; };
 layout(set = 0, binding = 4) readonly buffer GradNormals { vec4 grad_normals[]; };
 layout(set = 0, binding = 5) buffer Means { float means[]; };
@@ -43,7 +44,7 @@ layout(push_constant) uniform Push {
     vec4 row1;
     vec4 row2;
     vec3 center;  // of the camera, in the scene
-    uint flags;   // VIEW_*, FLAG_STEPS_OPACITIES; bits 8 and 9 the degree of the spherical harmonics in use; from bit 16 on the step
+    uint flags;   // VIEW_*, FLAG_STEPS_OPACITIES; bits 8 and 9: sh degree in use; from bit 16 on: step
     vec4 limits;  // as in camera_push.glsl
     vec2 focal;   // pixels
     float lr_means;
@@ -60,15 +61,15 @@ layout(push_constant) uniform Push {
 
 const uint FLAG_STEPS_OPACITIES = 4u;
 
-// Of the thread's splat (LISTED, CATCHES_UP): what it has missed, less what it moved by in advance, and how many steps it takes at once:
-// the one, and what it is expected to miss after it.
+// For the thread's splat (LISTED, CATCHES_UP): the missed steps minus the advance, and the number of steps taken at
+// once: this step and the steps that the splat is expected to miss next.
 AdamMissed missed = AdamMissed(1.0, 1.0, 0.0);
 float at_once = 1.0;
 
 float adam1(AdamStep step, float lr, float g, float param, inout float m, inout float v) {
     if (LISTED == 0u && CATCHES_UP == 0u) return adam(step, lr, g, param, m, v);
     const float begun = adam_catch_up(step, missed, lr, param, m, v);
-    // A gradient that says nothing is none: what its row says of a splat holds for all of its elements.
+    // An invalid gradient counts as zero, because the splat's row of `stats` holds for all its elements.
     return CATCHES_UP != 0u ? begun : adam(step, at_once * lr, adam_accepts(g) ? g : 0.0, begun, m, v);
 }
 
@@ -83,19 +84,19 @@ vec4 adam4(AdamStep step, vec4 lr, vec4 g, vec4 param, inout vec4 m, inout vec4 
 #include "moments.glsl"
 #endif
 
-// What is moved in advance is known in so many parts of all that the moments would ever move an element by.
+// The advance is stored in this many parts of the total distance that the moments would ever move an element.
 const float PARTS = 255.0;
-// Share of the latest gap between two steps of a splat in what is expected of the next.
+// Share of the latest gap between two steps in the estimate of the next gap.
 const float LATEST = 0.25;
 
-// Sets `missed` and `at_once`, and leaves in the splat's row what its next step has to know: this one's number and, times 2^16, the parts
-// that it moves by in advance. False where there is nothing to be done.
+// Sets `missed` and `at_once`, and stores for the splat's next step, in its row of `stats`, the number of this step
+// plus 2^16 times the parts of the advance. False when there is nothing to do.
 bool begin_splat(AdamStep step, uint i) {
     const uint now = push.flags >> 16u, row = uint(stats[4u * i + 3u]);
     const uint since_last = now - row & 0xffffu, since_all = now - counters[COUNTER_CAUGHT_UP] & 0xffffu;
     const uint since = min(since_last, since_all);
     const uint count = CATCHES_UP != 0u ? since : max(since, 1u) - 1u;
-    // Where all were caught up with since, the row says nothing.
+    // After a later catch-up of all splats the row is outdated.
     const float advanced = since_last <= since_all ? float(row >> 16u) : 0.0;
     if (CATCHES_UP != 0u && count == 0u && advanced == 0.0) return false;
     missed = adam_missed(step, count);
@@ -129,7 +130,7 @@ void main() {
     if (LISTED != 0u || CATCHES_UP != 0u) {
         if (!begin_splat(step, i)) return;
     }
-    // The other rows have no harmonics above degree 1, nor moments of them.
+    // Later rows have no coefficients above degree 1, and no moments of them.
     const bool full = i < FULL_ROWS;
     const uint in_use = (push.flags >> 8u) & 3u;
     const uint degree = full ? in_use : min(in_use, 1u);
@@ -152,7 +153,7 @@ void main() {
     }
 
     SplatGradient g = no_gradient();
-    // By degree; nothing for a splat that is not on the image.
+    // Weights by degree; zeros for a splat that is not on the image.
     vec3 shrink = vec3(0.0);
     if (CATCHES_UP == 0u && (LISTED != 0u || on_image[at] != 0u)) {
         const Camera camera =

@@ -1,4 +1,4 @@
-// What blend_forward and blend_backward share: constants, push constants, tiles, and the splat as the blending loops hold it.
+// Shared by blend_forward and blend_backward: constants, push constants, tiles, and the splat in the blending loops.
 #ifndef BLEND_GLSL
 #define BLEND_GLSL
 
@@ -7,7 +7,7 @@
 #include "loads.glsl"
 
 layout(constant_id = 0) const uint AUX = 0u;    // 1: blend depth and normal too
-layout(constant_id = 1) const uint COUNT = 0u;  // 1: count evaluated and blended pixel-splats
+layout(constant_id = 1) const uint COUNT = 0u;  // 1: count evaluated and blended (pixel, splat) pairs
 
 layout(push_constant) uniform Push {
     uint width;
@@ -23,7 +23,7 @@ const uint FORWARD_BLENDED = 1u;
 const uint BACKWARD_EVALUATED = 2u;
 const uint BACKWARD_BLENDED = 3u;
 
-// Folding a dispatch over two axes can start a few workgroups too many: they get tile numbers past the last.
+// A dispatch folded over two axes can have a few extra workgroups, with tile numbers past the last.
 uint tile_columns(uint side) { return (push.width + side - 1u) / side; }
 uint tile_total(uint side) { return tile_columns(side) * ((push.height + side - 1u) / side); }
 uvec2 tile_corner(uint tile, uint side) { return uvec2(tile % tile_columns(side), tile / tile_columns(side)) * side; }

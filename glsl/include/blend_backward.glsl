@@ -1,12 +1,12 @@
-// What the forms of the blend backward share: bindings, where gradients go, and a pixel's way back through its tile's list.
-// To be included after the shape (blend_column.glsl or blend_pixel.glsl).
-// SLOTS: a row of partial sums per (splat, tile) pair, written once, by sums in a fixed order; slot_sum adds them up.
-// ATOMIC, CAS: added to the splat's row by native float atomics, or by compare-and-swap.
+// Shared by the variants of the blend backward pass: bindings, sums of gradients, and a pixel's backward walk through
+// the tile's list. To be included after the shape (blend_column.glsl or blend_pixel.glsl). SLOTS: a row of partial sums
+// per (splat, tile) pair, written once and summed in a fixed order; slot_sum adds the rows. ATOMIC, CAS: sums are added
+// to the splat's row by native float atomics, or by compare-and-swap.
 #ifndef BLEND_BACKWARD_GLSL
 #define BLEND_BACKWARD_GLSL
 
 layout(constant_id = 2) const uint ABS = 1u;                    // 1: sums of absolute values of the mean's gradient too
-layout(constant_id = 3) const uint CLAMP_GRADIENT_PASSES = 0u;  // 1: the 3DGS reference's gradient through min(0.99, alpha)
+layout(constant_id = 3) const uint CLAMP_GRADIENT_PASSES = 0u;  // 1: pass the gradient through min(0.99, alpha)
 
 layout(set = 0, binding = 0) readonly buffer Splat2d { vec4 splat2d[]; };
 layout(set = 0, binding = 1) readonly buffer Normals { vec4 normals[]; };
@@ -42,7 +42,7 @@ Splat load_splat(uint i) {
     return Splat(p.x, p.y, factor.x, factor.y, factor.z, q.y, q.z, colour.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
 }
 
-// The row that the sums of a pair go to: its slot's, or its splat's.
+// The row for the sums of a pair: the slot's row, or the splat's row.
 uint row_of(uint pair) {
 #ifdef SLOTS
     return sorted_slots[pair];
@@ -52,9 +52,9 @@ uint row_of(uint pair) {
 }
 
 #ifdef SLOTS
-// The same row, once its first and last word have been asked for. Rows lie where their splats do, far from one another: a store to a line
-// that is not in the cache holds up all stores after it, row by row, while loads for all lanes of a subgroup wait together. What is
-// read is of no use, but without a say in where the row is it would not be read; pictures are never 0 wide.
+// The same row, after prefetching its first and last word. Rows are far apart: a store to a line outside the cache
+// delays all later stores, one row after the other, while loads of all lanes of a subgroup wait together. The loaded
+// words are not needed, but without an effect on the row the compiler would remove the loads; images are never 0 wide.
 uint prefetch_row(uint row) {
     const uint words = floatBitsToUint(slot_grads[12u * row]) ^ floatBitsToUint(slot_grads[12u * row + 11u]);
     return row + (push.width == 0u ? words : 0u);
@@ -73,7 +73,7 @@ uint prefetch_row(uint row) {
     }
 #endif
 
-// Column `column` of a row: 0 to 11 are grad2d's, 12 to 14 (AUX only) the normal's.
+// Column `column` of a row: 0 to 11 for grad2d, 12 to 14 (AUX only) for the normal.
 void store_grad(uint row, uint column, float value) {
 #ifdef SLOTS
     if (column < 12u) slot_grads[12u * row + column] = value;
@@ -90,8 +90,9 @@ void store_grad(uint row, uint column, float value) {
 #endif
 }
 
-// A pixel on its way back. `behind` is dL/d(colour) dotted with what lies behind the current splat, the background and the
-// gradient of the final transmittance included: with it, dL/d(alpha) = T (c . g - behind) needs no division.
+// State of a pixel in the backward walk. `behind` is dL/d(colour) dotted with the colour behind the current splat,
+// including the background and the gradient of the final transmittance. With `behind`, dL/d(alpha) = T (c . g - behind)
+// needs no division.
 struct Pixel {
     float transmittance;
     float behind;
@@ -117,13 +118,13 @@ Pixel load_pixel(uvec2 at, bool inside) {
     return pixel;
 }
 
-// What a splat adds at one pixel: its weight in the blended channels, and dL/d(exponent, base e).
+// A splat's contribution at one pixel: the weight in the blended channels, and dL/d(exponent, base e).
 struct Share {
     float weight;
     float v;
 };
 
-// Takes a pixel back to the front of a splat. `reached`: the splat is not behind the pixel's last contributor.
+// Moves a pixel back to the front of a splat. `reached`: the splat is not after the pixel's last contributor.
 Share step_back(inout float transmittance, inout float behind, vec3 grad, vec4 grad_aux, Splat s, float power, bool reached) {
     float unclamped = unclamped_alpha(power, s.opacity);
     unclamped = reached ? unclamped : 0.0;

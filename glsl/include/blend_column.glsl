@@ -1,6 +1,6 @@
-// The COLUMN shape: tiles of 8x8 pixels, a workgroup of 8 threads per tile, one thread per column of 8 pixels. For devices whose
-// subgroups are 8 wide, which are processors: there a load costs as much for one pixel as for eight, shared memory and barriers
-// are dear, and a shuffle is one instruction. Eight splats are loaded at a time, one per thread, and passed round by shuffles.
+// The COLUMN shape: tiles of 8x8 pixels, a workgroup of 8 threads per tile, one thread per column of 8 pixels. For CPU
+// devices with subgroups of width 8: a load costs as much for one pixel as for eight, shared memory and barriers are
+// slow, and a shuffle is one instruction. Eight splats are loaded at a time, one per thread, and shared by shuffles.
 // The workgroup is one subgroup of width 8: the hardware's own, or the emulation with that width.
 #ifndef BLEND_COLUMN_GLSL
 #define BLEND_COLUMN_GLSL
@@ -20,8 +20,8 @@ const uint BATCH = 8u;
 
 #include "staged.glsl"
 
-// Makes the batch ready for shuffled(): by way of shared memory at once, for a barrier at each word's shuffle makes a shader so long that
-// some compilers take minutes.
+// Prepares the batch for shuffled(). The emulation copies the whole batch through shared memory at once, because a
+// barrier for each word makes a shader so long that some compilers take minutes.
 void hand_out(Splat mine) {
     barrier();
     stage(gl_LocalInvocationID.x, mine);

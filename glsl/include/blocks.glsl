@@ -1,12 +1,12 @@
-// Sub-tile culling of the PIXEL shape: which of a tile's blocks of pixels a staged splat can show in.
-// The test is that of the tile lists on a grid of blocks, with its margins: a splat that a block does not list has alpha < ALPHA_MIN at
-// each of its pixels in the arithmetic of blending, so leaving it out changes no bit of any result.
+// Sub-tile culling of the PIXEL shape: finds the blocks of a tile where a staged splat can be visible. Uses the test of
+// the tile lists, with the same margins, on a grid of blocks. A splat that is not listed in a block has alpha <
+// ALPHA_MIN at every pixel of the block in the arithmetic of blending, so skipping the splat changes no result.
 #ifndef BLOCKS_GLSL
 #define BLOCKS_GLSL
 
 #include "tile.glsl"
 
-// Pixels of a block, consecutive in the order in which a tile's pixels are dealt out: a power of two from 8 to 256; 0: no culling.
+// Pixels of a block, consecutive in the Morton order of a tile's pixels: a power of two from 8 to 256; 0: no culling.
 layout(constant_id = 4) const uint BLOCK = 0u;
 
 const uint BLOCK_PIXELS = BLOCK == 0u ? SIDE * SIDE : BLOCK;
@@ -19,7 +19,7 @@ const uint TOUCH_WORDS = BATCH / 32u;
 // Threads that share a staged splat's rows of blocks.
 const uint TESTERS = LOCAL_SIZE / BATCH;
 
-// By block, a bit per staged splat.
+// Per block, a bit for each staged splat.
 shared uint touched[MOST_BLOCKS * TOUCH_WORDS];
 
 // The block in column x, row y of the tile's blocks: the inverse of pixel_place.
@@ -29,14 +29,14 @@ uint block_at(uint x, uint y) {
     return (bits.x | bits.y << 1u) / BLOCK_PIXELS;
 }
 
-// To be called by all threads, a barrier before touch_blocks and one after what reads the bits.
+// Called by all threads, with a barrier before touch_blocks and a barrier after the bits are read.
 void clear_blocks() {
     const uint t = local_index();
     if (BLOCK != 0u && t < MOST_BLOCKS * TOUCH_WORDS) touched[t] = 0u;
 }
 
-// Notes which blocks the staged splat `local_index() % BATCH` touches, in the rows of blocks that fall to this thread.
-// `p`, `q`: the first eight floats of its row of splat2d.
+// Marks the blocks that the staged splat `local_index() % BATCH` touches, in this thread's rows of blocks. `p`, `q`:
+// the first eight floats of its row of splat2d.
 void touch_blocks(vec4 p, vec4 q, uvec2 corner) {
     const uint staged = local_index() % BATCH;
     const TileGrid grid = TileGrid(uvec2(push.width, push.height), uvec2(BLOCK_W, BLOCK_H));

@@ -1,4 +1,4 @@
-// The camera of a frame as push constants; src/pass/camera.rs fills it.
+// The camera of a view as push constants, filled by src/pass/camera.rs.
 #ifndef CAMERA_PUSH_GLSL
 #define CAMERA_PUSH_GLSL
 #include "camera.glsl"

@@ -1,6 +1,6 @@
-// What the density passes share: the kinds of row that a density change produces, packed into one word of the map.
-// Rows come in the order kept, clones, first children, second children, each in the order of their sources. A source that is kept
-// and has a second child is that child's sibling from then on, in the row and with the identity that it had.
+// Shared by the density passes: the kinds of row after a density change, packed into one word of the map. Rows come in
+// the order kept, clones, first children, second children, each in the order of their sources. A kept source with a
+// second child becomes the first child, with its row and identity.
 #ifndef DENSIFY_GLSL
 #define DENSIFY_GLSL
 
@@ -13,20 +13,20 @@ const uint KIND_COUNT = 4u;
 // Children of a split have 1 / 1.6 of the parent's standard deviations (3DGS: 0.8 N with N = 2 children).
 const float LN_SPLIT_SHRINK = 0.47000363;
 
-// Children along an axis stand half a standard deviation from their parent's centre and have sqrt(3/4) of its standard
-// deviation along that axis: together they have its covariance.
+// Children along an axis are half a standard deviation from the parent's mean and have sqrt(3/4) of the parent's
+// standard deviation along the axis: together they have the parent's covariance.
 const float AXIS_OFFSET = 0.5;
 const float LN_AXIS_SHRINK = 0.14384104;
-// One over what a child shows at its parent's centre, of its own opacity: exp((1/2)(1/4)/(3/4)).
+// Inverse of a child's falloff at the parent's mean: exp((1/2)(1/4)/(3/4)).
 const float INVERSE_AXIS_CENTER = 1.18136041;
 
-// The first of the longest.
+// The longest axis, the first of equals.
 uint longest_axis(float x, float y, float z) {
     return x >= y && x >= z ? 0u : y >= z ? 1u : 2u;
 }
 
 uint map_entry(uint source, uint kind) { return source | (kind << 30u); }
-// The same entry with the axis along which children stand; 0 in its place is the longest.
+// An entry with the split axis; 0 stands for the longest axis.
 uint map_along(uint entry, uint axis) { return (entry & 0xcfffffffu) | (axis + 1u) << 28u; }
 uint map_source(uint entry) { return entry & 0x0fffffffu; }
 uint map_kind(uint entry) { return entry >> 30u; }

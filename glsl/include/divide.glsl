@@ -1,8 +1,8 @@
-// Division of whole numbers by way of floats: a processor divides vectors of floats, but whole numbers one by one.
+// Integer division through floats: a CPU device divides vectors of floats, but integers lane by lane.
 #ifndef DIVIDE_GLSL
 #define DIVIDE_GLSL
 
-// n / d for quotients below 2^22: the rounded quotient is off by less than one, which the remainder shows.
+// n / d for quotients below 2^22: the float quotient is off by less than one, and the remainder corrects it.
 uint quotient(uint n, uint d) {
     uint q = uint(float(n) / float(d));
     if (q * d > n) q -= 1u;

@@ -1,6 +1,6 @@
-// What the forms of emission share: bindings, where a pair goes, and a splat whose tiles one thread writes. Pairs go to places in depth
-// order, for the sort to keep; slots, where there are some, lie in the order of the splats, so that what is summed up later lies near
-// what its neighbours get.
+// Shared by the variants of emission: bindings, the place of a pair, and the loop of one thread over a splat's tiles.
+// Places are in depth order, which the sort keeps. Slots are in the order of splats, so that the slots of neighbouring
+// splats are close in memory for the sums.
 #ifndef EMIT_GLSL
 #define EMIT_GLSL
 
@@ -28,10 +28,10 @@ layout(push_constant) uniform Push {
 } push;
 
 layout(constant_id = 0) const uint CARRIED = 0u;  // pairs carry the splat itself, and there are no slots
-// Tiles a turn of the loop.
+// Tiles per turn of the loop.
 layout(constant_id = 23) const uint PER_TURN = 8u;
 
-// Writes a pair to a place; `shift` is from there to its slot.
+// Writes a pair to a place; place + `shift` is the pair's slot.
 void store_pair(uint place, uint shift, uint tile, uint splat) {
     pair_keys[place] = tile;
     if (CARRIED != 0u) {
@@ -42,10 +42,10 @@ void store_pair(uint place, uint shift, uint tile, uint splat) {
     }
 }
 
-// From the first place of visible splat k to its first slot.
+// Offset from the first place of visible splat k to its first slot.
 uint shift_of(uint k, uint splat) { return CARRIED != 0u ? 0u : slot_offsets[splat] - pair_offsets[k]; }
 
-// How many from a first place or slot on fit.
+// Number of places or slots that fit from a first place or slot on.
 uint room_from(uint first) { return push.capacity - min(first, push.capacity); }
 
 TileGrid tile_grid() { return TileGrid(uvec2(push.width, push.height), uvec2(push.tile_width, push.tile_height)); }
@@ -56,23 +56,23 @@ TileEllipse ellipse_of(uint splat) {
     return tile_ellipse(p.xy, vec3(p.zw, q.x), q.y, tile_grid());
 }
 
-// The places of visible splat k: as many as it has tiles, and as fit, slots included.
+// The places of visible splat k: one per tile, as many as fit (with slots).
 uvec2 places_of(uint k, uint splat) {
     uint room = room_from(pair_offsets[k]);
     if (CARRIED == 0u) room = min(room, room_from(slot_offsets[splat]));
     return uvec2(pair_offsets[k], pair_offsets[k] + min(tile_counts[splat], room));
 }
 
-// Writes all pairs of a splat that has any. One loop over its tiles, row after row: threads that go together wait for the one with the
-// most tiles, not for the most rows times the most columns. It tests at its end, see common.glsl.
+// Writes all pairs of a splat with at least one pair. A single loop over the tiles, row after row: threads in lockstep
+// wait for the most tiles, not for the most rows times the most columns. The loop tests at its end, see common.glsl.
 void emit_alone(uint splat, uint place, uint end, uint shift) {
     const TileGrid grid = tile_grid();
     const uvec2 tiles = tile_counts_of(grid);
     const TileEllipse e = ellipse_of(splat);
-    const uint steps = end - place + (e.row_end - e.row_begin);  // a place each, and rows that list no tile
+    const uint steps = end - place + (e.row_end - e.row_begin);  // a turn per place, and per row without tiles
     uint step = 0u;
     uint y = e.row_begin;
-    uvec2 columns = tile_row(e, y, grid);  // what is left of the row
+    uvec2 columns = tile_row(e, y, grid);  // the rest of the row
     do {
         for (uint j = 0u; j < PER_TURN; ++j) {
             const bool listed = y < e.row_end;

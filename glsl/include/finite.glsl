@@ -1,4 +1,4 @@
-// Finiteness by bits: Vulkan lets arithmetic and isnan() assume that there are no NaNs, integers cannot be assumed away.
+// Finiteness by bits: Vulkan lets compilers assume that floats are never NaN, even in isnan(), but not so for integers.
 #ifndef FINITE_GLSL
 #define FINITE_GLSL
 

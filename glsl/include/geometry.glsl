@@ -1,10 +1,12 @@
-// What the passes of the geometry loss share; to be included behind the declaration of `prior`. With O = 1 - T, D = (sum w z) / O the
-// depth and n the direction of sum w n, against the depth d and the normal p of a prior with confidence c, under a mask M:
+// Shared by the passes of the geometry loss; include after the declaration of `prior`. With O = 1 - T, D = (sum w z) /
+// O the depth and n the direction of sum w n, against the depth d and the normal p of a prior with confidence c, under
+// a mask M:
 //     depth    mean of Huber((D - d) / d) * E * c * (1 - M)
-//     smooth   mean of the squared second differences of D / median along rows and columns, times exp(-g |grad I|) * (1 - M)
+//     smooth   mean of squared second differences of D / median along rows and columns, times exp(-g |grad I|) * (1 - M)
 //     normal   mean of (a (1 - n.p) + b |n - p|_1) * c * (1 - M)
-// each over the pixels that have one: the first over those with both depths, the second with D, the third with both normals. A pixel has
-// D where the photograph is not masked and O > 0.9; second differences are 0 where one of their three pixels has none.
+// each over the pixels that have one: the first over those with both depths, the second with D, the third with both
+// normals. A pixel has D if the photograph is not masked and O > 0.9. A second difference is 0 if one of its three
+// pixels has no D.
 #ifndef GEOMETRY_GLSL
 #define GEOMETRY_GLSL
 #include "place.glsl"
@@ -19,7 +21,7 @@ layout(push_constant) uniform Push {
     float pixels;         // of the photograph that are not masked
     float median;         // depth of the view, the unit of depth
     float depth_weight;
-    float huber;          // residual at which the Huber function turns linear
+    float huber;          // residual at which the Huber function becomes linear
     float edge;           // see EDGES
     float smooth_weight;
     float edge_stop;      // g above
@@ -31,12 +33,12 @@ const uint PIXELS_PER_THREAD = 64u;
 const uint PIXELS_PER_GROUP = 64u * PIXELS_PER_THREAD;
 
 const float OPAQUE = 0.9;
-// Depths outside of this are none: bits of 1e-10 and 1e10.
+// Range of valid depths: bits of 1e-10 and 1e10.
 const uint DEPTH_LEAST = 0x2edbe6ffu;
 const uint DEPTH_MOST = 0x501502f9u;
 // Depths of a prior that differ by more than this share belong to different surfaces.
 const float PRIOR_JUMP = 0.1;
-// Sums of normals that are shorter are of none.
+// Least length of a sum of normals that counts as a normal.
 const float NORMAL_LEAST = 0.1;
 
 bool is_depth(float x) {
@@ -44,14 +46,15 @@ bool is_depth(float x) {
     return bits >= DEPTH_LEAST && bits <= DEPTH_MOST;
 }
 
-// In which smoothness measures depths.
+// Unit of depth for smoothness.
 float unit_depth() { return max(push.median, 1e-6); }
 
 Place prior_place(uvec2 at) {
     return place_in(at, uvec2(push.width, push.height), uvec2(push.prior_width, push.prior_height));
 }
 
-// The second word of a prior: a normal in an octahedron's coordinates of 12 bits each (0 to 4094; both 0: none), and 8 bits of confidence.
+// The second word of a prior: a normal in an octahedron's coordinates of 12 bits each (0 to 4094; both 0: none), and 8
+// bits of confidence.
 float prior_confidence(uint word) { return float(word >> 24u) / 255.0; }
 bool prior_has_normal(uint word) { return (word & 0xffffffu) != 0u; }
 

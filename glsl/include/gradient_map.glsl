@@ -1,9 +1,10 @@
-// What the passes of the gradient-map loss share. With a and b the magnitudes of Sobel's gradients of luma, sqrt(gx^2 + gy^2 + 1e-6), of
-// render and photograph, r their correlation in a window of 32x32 pixels and e = render - photograph, the loss is
+// Shared by the passes of the gradient-map loss. With a and b the magnitudes of Sobel's gradients of luma, sqrt(gx^2 +
+// gy^2 + 1e-6), of render and photograph, r their correlation in a window of 32x32 pixels and e = render - photograph,
+// the loss is
 //     weight * (1 - sum m r / sum m) + tv_weight * mean sqrt((e right - e)^2 + (e below - e)^2 + 1e-6),
-// m being the sum of the mask over the window's pixels that take part (1 each without a mask). Pixels of the border and masked ones of
-// the photograph take no part; where the photograph is masked the render counts as equal to it and has no gradient, and differences
-// across a mask's edge are none.
+// where m is the sum of the mask over the included pixels of the window (1 each without a mask). Border pixels and
+// masked pixels of the photograph are excluded. At masked pixels of the photograph the render counts as equal and has
+// no gradient, and differences across a mask's edge are 0.
 #ifndef GRADIENT_MAP_GLSL
 #define GRADIENT_MAP_GLSL
 
@@ -18,9 +19,9 @@ layout(push_constant) uniform Push {
 } push;
 
 const uint WINDOW_SIDE = 32u;
-// In the roots of squared gradients and of squared differences of the residual.
+// Added under the roots of squared gradients and of squared differences of the residual.
 const float ROOT_FLOOR = 1e-6;
-// Lengths of centred windows below this are taken for it.
+// Floor for the lengths of centred windows.
 const float LENGTH_FLOOR = 1e-4;
 
 #endif

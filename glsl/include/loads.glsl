@@ -1,4 +1,5 @@
-// Rows of buffers, read as texels where that is the faster way (TEXELS, see build/by_texels.rs), else as they are.
+// Loads of rows of buffers: as texels in variants with TEXELS (see build/by_texels.rs), otherwise from the storage
+// buffer.
 #ifndef LOADS_GLSL
 #define LOADS_GLSL
 

@@ -1,14 +1,16 @@
-// What the passes of the image loss share. The loss is (1 - lambda) mean |x - y| + lambda (1 - mean SSIM) of render x and
-// photograph y over pixels and channels; outside the image both are 0 (zero padding). A pixel of the photograph with alpha 0 is masked:
-// the render there counts as equal to the photograph and has no gradient, and neither mean is taken over it.
+// Shared by the passes of the image loss. The loss is (1 - lambda) mean |x - y| + lambda (1 - mean SSIM) of render x
+// and photograph y over pixels and channels; outside the image both are 0 (zero padding). A pixel of the photograph
+// with alpha 0 is masked: the render counts as equal to the photograph there and has no gradient, and both means
+// exclude the pixel.
 //
 // With m = mean x - mean y, V = variance of x - y and v1 + v2 = the sum of the variances in the window,
 //     SSIM = (1 - m^2 / A) (1 - V / B),  A = mu1^2 + mu2^2 + C1,  B = v1 + v2 + C2,
-// which is the usual form rewritten. All moments of the difference come from differences, so nothing cancels where the images are
-// alike: equal images give exactly 1 and a gradient of exactly 0. The variances are taken about a pivot of 1/2.
+// which is the usual form rewritten. All moments of the difference come from differences, so nothing cancels where the
+// images are alike: equal images give exactly 1 and a gradient of exactly 0. The variances are taken about a pivot of
+// 1/2.
 //
-// WEIGHTED: each pixel's |x - y| and each window's 1 - SSIM count by the weight of the pixel, which is linear in its saliency. The
-// weights enter the gradient; the sums stay without them, so that losses compare whatever the weights are.
+// WEIGHTED: each pixel's |x - y| and each window's 1 - SSIM count by the weight of the pixel, which is linear in its
+// saliency. Only the gradient has the weights; the sums have none, so that losses compare between different weights.
 #ifndef LOSS_GLSL
 #define LOSS_GLSL
 
@@ -40,7 +42,7 @@ layout(push_constant) uniform Push {
     float high_weight;  // ... and of one with saliency 1, where WEIGHTED
 } push;
 
-// The number of this subgroup in the dispatch: what it owns follows from it.
+// Number of this subgroup in the dispatch, which determines its strip or row.
 uint owner() { return group_index() * subgroup_count() + subgroup_number(); }
 
 #endif

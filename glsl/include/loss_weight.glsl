@@ -1,4 +1,4 @@
-// The weight of a pixel in the gradient of the loss; to be included behind loss.glsl and the declaration of `saliency`.
+// The weight of a pixel in the gradient of the loss; include after loss.glsl and the declaration of `saliency`.
 #ifndef LOSS_WEIGHT_GLSL
 #define LOSS_WEIGHT_GLSL
 

@@ -1,4 +1,4 @@
-// A mask of bytes, four in a word, row after row without padding; to be included behind the declaration of `mask`.
+// A mask of bytes, four in a word, row after row without padding; include after the declaration of `mask`.
 #ifndef MASK_GLSL
 #define MASK_GLSL
 #include "place.glsl"

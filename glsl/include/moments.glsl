@@ -1,5 +1,5 @@
-// Moments of the optimiser as floats, and steps with them. `element` is a parameter's number among the splat's 59. STEP3 steps a row of
-// three, STEP4 a row of four.
+// Moments of the optimiser as floats, and steps with them. `element` is a parameter's number among the splat's 59.
+// STEP3 steps a row of three, STEP4 a row of four.
 #ifndef MOMENTS_GLSL
 #define MOMENTS_GLSL
 
@@ -19,7 +19,7 @@ layout(set = 0, binding = 25) buffer VSh0 { vec4 v_sh0[]; };
 layout(set = 0, binding = 26) buffer VSh1 { vec4 v_sh1[]; };
 layout(set = 0, binding = 27) buffer VSh2 { vec4 v_sh2[]; };
 layout(set = 0, binding = 28) buffer VSh3 { vec4 v_sh3[]; };
-// Rows of four, of which the last is the optimiser's: see begin_splat.
+// Rows of four numbers; the last belongs to the optimiser: see begin_splat.
 layout(set = 0, binding = 29) buffer Stats { float stats[]; };
 
 #define STEP1(plane, first, second, at, element, step, lr, g, old)     \

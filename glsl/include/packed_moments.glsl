@@ -1,8 +1,9 @@
-// Both moments of Adam in one word. The upper half is the second moment v: the exponent and eight bits of the mantissa of its f32
-// (it has no sign), rounded up or down at random. The lower half is m / sqrt(v) as a half float, which Adam bounds by 7.3.
+// Both moments of Adam in one word. The upper half is the second moment v: the exponent and eight bits of the mantissa
+// of its f32 (it has no sign), rounded up or down at random. The lower half is m / sqrt(v) as a half float, which Adam
+// bounds by 7.3.
 //
-// v moves by a thousandth per step, less than half a unit of its last place: rounded to nearest it would stand still. Rounded at
-// random it is right in the mean. m moves by a tenth of the difference, and may be rounded to nearest.
+// v changes by a thousandth per step, less than half a unit in the last place, so rounding to nearest would never
+// change v. Random rounding is unbiased. m changes by a tenth of the difference and may be rounded to nearest.
 #ifndef PACKED_MOMENTS_GLSL
 #define PACKED_MOMENTS_GLSL
 #include "random.glsl"
@@ -15,10 +16,10 @@ layout(set = 0, binding = 17) buffer MomentsSh0 { uvec4 m_sh0[]; };
 layout(set = 0, binding = 18) buffer MomentsSh1 { uvec4 m_sh1[]; };
 layout(set = 0, binding = 19) buffer MomentsSh2 { uvec4 m_sh2[]; };
 layout(set = 0, binding = 20) buffer MomentsSh3 { uvec4 m_sh3[]; };
-// Rows of four, of which the last is the optimiser's: see begin_splat.
+// Rows of four numbers; the last belongs to the optimiser: see begin_splat.
 layout(set = 0, binding = 21) buffer Stats { float stats[]; };
 
-const uint V_SHIFT = 15u;  // bits of v's f32 that are not kept
+const uint V_SHIFT = 15u;  // bits of v's f32 that are dropped
 const uint V_LOST = 0x7fffu;
 
 // Random bits of elements element .. element + 3 of splat i; the step stands in the upper half of the flags.

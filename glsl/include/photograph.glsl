@@ -1,10 +1,11 @@
-// A pixel of the photograph; to be included behind the declaration of `target`. A pixel whose alpha is 0 is masked.
+// A pixel of the photograph; include after the declaration of `target`. A pixel whose alpha is 0 is masked.
 #ifndef PHOTOGRAPH_GLSL
 #define PHOTOGRAPH_GLSL
 
 #include "unorm.glsl"
 
-// Bits per channel: 8 (a word per pixel, red lowest) or 16 (two words: red and green, blue and alpha, the lower half first).
+// Bits per channel: 8 (a word per pixel, red lowest) or 16 (two words: red and green, blue and alpha, the lower half
+// first).
 layout(constant_id = 2) const uint PHOTOGRAPH_BITS = 8u;
 
 struct Seen {

@@ -1,13 +1,13 @@
-// Where a pixel of an image lies in a map of another size that covers the same view, pixel centre to pixel centre. In integers, so that
-// which pixel is the nearest, and how far the next one is, do not depend on rounding.
+// Position of an image's pixel centre in a map of another size that covers the same view. In integers, so that the
+// nearest pixel and the weights do not depend on rounding.
 #ifndef PLACE_GLSL
 #define PLACE_GLSL
 
 struct Place {
-    uvec2 low;      // pixel of the map at or before it, in both directions
-    uvec2 high;     // the one after that
+    uvec2 low;      // pixel of the map at or before the position, per axis
+    uvec2 high;     // the next pixel, per axis
     vec2 share;     // weight of `high`
-    uvec2 nearest;  // pixel of the map that it lies in
+    uvec2 nearest;  // pixel of the map that contains the position
 };
 
 Place place_in(uvec2 at, uvec2 size, uvec2 map) {

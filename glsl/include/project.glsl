@@ -1,4 +1,4 @@
-// The body of project and of its other forms: what becomes of one splat. HALF: spherical harmonics in half floats.
+// The body of project and of its variants: projects one splat. HALF: sh coefficients in half floats.
 #include "camera_push.glsl"
 #include "common.glsl"
 #include "counters.glsl"
@@ -23,7 +23,8 @@ layout(set = 0, binding = 9) writeonly buffer Splat2d { vec4 splat2d[]; };
 layout(set = 0, binding = 10) writeonly buffer TileCounts { uint tile_counts[]; };
 layout(set = 0, binding = 11) writeonly buffer Normals { vec4 normals[]; };
 
-// Conditions nest, rather than return early, because a software rasterizer keeps a mask of the threads that have returned.
+// Conditions nest, rather than return early, because a software rasterizer keeps a mask of the threads that have
+// returned.
 void project_splat(Camera camera, uint i) {
     const vec3 mean = LOAD3(means, i);
     const vec4 quat = LOAD4(quats, i);
@@ -37,7 +38,7 @@ void project_splat(Camera camera, uint i) {
         const vec2 at = camera.focal * (p.xy / p.z) + camera.principal;
         float opacity = sigmoid(logit).x;
         if (view_has(VIEW_ANTIALIAS)) opacity *= e.compensation;
-        // Values that overflowed say nothing of where the splat is.
+        // Overflowed values do not tell the splat's position.
         if (finite(at) && finite(e.conic) && finite(e.det) && finite(p.z) && opacity >= ALPHA_MIN) {
             tiles = count_tiles(at, e.conic, opacity, TileGrid(uvec2(push.width, push.height), uvec2(TILE_W, TILE_H)));
         }

@@ -1,6 +1,6 @@
-// EWA projection of a 3D Gaussian (Zwicker et al. 2001; Kerbl et al. 2023) and its derivative, in product form:
-// the 2D covariance is M M^T with M = J W R S (2x3, rows m0 and m1), so its determinant is |m0 x m1|^2, a sum of squares,
-// and nothing here subtracts products of covariances: needles keep their thin axis in f32.
+// EWA projection of a 3D Gaussian (Zwicker et al. 2001; Kerbl et al. 2023) and its derivative, in product form: the 2D
+// covariance is M M^T with M = J W R S (2x3, rows m0 and m1), so its determinant is |m0 x m1|^2, a sum of squares, and
+// no products of covariances are subtracted: needles keep their thin axis in f32.
 #ifndef PROJECTION_GLSL
 #define PROJECTION_GLSL
 #include "camera.glsl"
@@ -13,7 +13,7 @@ const float QUAT_MIN_SQUARED = 1e-24;     // a shorter quaternion counts as the 
 struct Rotation {
     vec3 r0, r1, r2;  // rows
     vec4 unit;        // the unit quaternion, w first
-    float inverse;    // 1 / length of the quaternion; 0 where it counts as the identity
+    float inverse;    // 1 / length of the quaternion; 0 if it counts as the identity
 };
 
 Rotation rotation_of(vec4 quat) {
@@ -58,7 +58,7 @@ struct Ewa {
     vec3 m0, m1;      // rows of J W R S, pixels
     vec3 n;           // m0 x m1
     float det0;       // determinant before the dilation
-    float det;        // and after it
+    float det;        // determinant after the dilation
     vec3 conic;
     float rest;       // C - B^2 / A, which is 1 / (dilated variance along y)
     float compensation;  // sqrt(det0 / det), floored
@@ -108,8 +108,9 @@ EwaGrad ewa_backward(Camera camera, Ewa e, float z, vec3 g_conic, float g_compen
     const vec3 h1 = 0.5 * g_conic.y * k0 + g_conic.z * k1;
     vec3 gm0 = -2.0 * (e.conic.x * h0 + e.conic.y * h1);
     vec3 gm1 = -2.0 * (e.conic.y * h0 + e.conic.z * h1);
-    // A scale stretches its column of M, so dL/d(log scale) is m0 gm0 + m1 gm1 of that column: -2 (Q M)^T G (Q M). Written like this,
-    // because the elements of Q M are small along a needle; those of M are large there, and their products with gm cancel.
+    // A scale stretches its column of M, so dL/d(log scale) is m0 gm0 + m1 gm1 of that column: -2 (Q M)^T G (Q M). This
+    // form is accurate because the elements of Q M are small along a needle; the elements of M are large there, and
+    // their products with gm cancel.
     EwaGrad g;
     g.log_scale = -2.0 * (h0 * k0 + h1 * k1);
     if (!e.floored) {
@@ -126,7 +127,7 @@ EwaGrad ewa_backward(Camera camera, Ewa e, float z, vec3 g_conic, float g_compen
     const vec3 gu0 = e.zoom.x * gm0, gu1 = e.zoom.y * gm1;
     const vec3 gu2 = -(e.ratio.x * gu0 + e.ratio.y * gu1);
     const vec2 g_ratio = -vec2(dot(gu0, e.u2), dot(gu1, e.u2));
-    // To be nearer is to be larger: dL/d(zoom) * zoom, of both axes together.
+    // A nearer splat is larger: dL/d(zoom) * zoom, summed over both axes.
     const float g_zoom_zoom = g.log_scale.x + g.log_scale.y + g.log_scale.z;
     const bvec2 still = bvec2(e.clamped.x && !reference_clamp, e.clamped.y && !reference_clamp);
     g.p.x = e.clamped.x ? 0.0 : g_ratio.x / z;

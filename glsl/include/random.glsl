@@ -1,6 +1,6 @@
-// Counter-based random numbers: the draw is a function of its key alone, so it depends on neither the order of threads nor
-// the place of a splat in its buffers. Integers agree with src/twin/random.rs in every bit, and so do the normals wherever
-// the device rounds sqrt correctly: ln, sin, cos and exp are polynomials here because Vulkan promises only 2^-11 for sin.
+// Counter-based random numbers: a draw is a function of its key only, so a draw does not depend on the order of threads
+// or the row of a splat. Integers agree with src/twin/random.rs in every bit, and so do the normals wherever the device
+// rounds sqrt correctly: ln, sin, cos and exp are polynomials here because Vulkan promises only 2^-11 for sin.
 #ifndef RANDOM_GLSL
 #define RANDOM_GLSL
 

@@ -1,6 +1,6 @@
-// Real spherical harmonics up to degree 3 with the constants and signs of 3DGS (Kerbl et al. 2023; PlenOctrees), in four
-// groups of four: group g holds coefficients 4g..4g+3. Coefficients above the degree get the value 0.
-// A group of coefficients is three vec4: coefficient-major, colour fastest.
+// Real spherical harmonics up to degree 3 with the constants and signs of 3DGS (Kerbl et al. 2023; PlenOctrees), in
+// four groups of four: group g holds coefficients 4g..4g+3. Coefficients above the degree get the value 0. A group of
+// coefficients is three vec4: coefficient-major, colour fastest.
 #ifndef SH_GLSL
 #define SH_GLSL
 

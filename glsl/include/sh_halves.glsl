@@ -1,4 +1,4 @@
-// The coefficients of the spherical harmonics as half floats, a group of a splat in three rows.
+// Loads of sh coefficients in half floats: a group of a splat as three rows.
 #ifndef SH_HALVES_GLSL
 #define SH_HALVES_GLSL
 

@@ -1,4 +1,4 @@
-// The coefficients of the spherical harmonics as floats, a group of a splat in three rows.
+// Loads of sh coefficients in 32-bit floats: a group of a splat as three rows.
 #ifndef SH_PLANES_GLSL
 #define SH_PLANES_GLSL
 

@@ -1,5 +1,5 @@
-// Gradients of one splat's parameters from those of its 2D Gaussian, shared by the pass that writes them down and the one that
-// steps with them at once.
+// Gradients of one splat's parameters from the gradients of its 2D Gaussian, shared by the pass that writes the
+// gradients and the pass fused with the optimiser.
 #ifndef SPLAT_GRADIENT_GLSL
 #define SPLAT_GRADIENT_GLSL
 #include "projection.glsl"
@@ -10,7 +10,7 @@ struct SplatParams {
     vec4 quat;
     vec3 log_scale;
     float logit;
-    vec4 sh[12];  // four groups; those above the degree are not looked at
+    vec4 sh[12];  // four groups; groups above the degree are not read
 };
 
 struct SplatGradient {
@@ -18,8 +18,8 @@ struct SplatGradient {
     vec4 quat;
     vec3 log_scale;
     float logit;
-    vec3 rgb;  // of the colour: coefficient k of the spherical harmonics has basis value k times this
-    vec3 dir;  // where the basis is taken
+    vec3 rgb;  // gradient of the colour: the gradient of sh coefficient k is basis value k times this
+    vec3 dir;  // direction of the basis
 };
 
 // A row of grad2d, and the normal's gradient.
@@ -41,7 +41,8 @@ SplatGradient splat_gradient(Camera camera, uint degree, uint flags, SplatParams
     const vec3 p = to_camera(camera, s.mean);
     const Ewa e = ewa_project(camera, p, s.quat, s.log_scale);
 
-    // Colour: max(0, .) passes no gradient where the stored colour is 0, but one that leads back inside where that is asked for.
+    // Colour: max(0, .) passes no gradient where the stored colour is 0, except, with VIEW_BLACK_LEARNS, a gradient
+    // that raises the colour.
     const vec3 g_stored = vec3(up.b.zw, up.c.x);
     const vec3 raising = (flags & VIEW_BLACK_LEARNS) != 0u ? mix(vec3(0.0), g_stored, lessThan(g_stored, vec3(0.0))) : vec3(0.0);
     const vec3 g_rgb = mix(raising, g_stored, greaterThan(stored, vec3(0.0)));
@@ -57,7 +58,7 @@ SplatGradient splat_gradient(Camera camera, uint degree, uint flags, SplatParams
     result.rgb = g_rgb;
     result.dir = dir;
 
-    // Opacity, with the anti-aliasing factor between the sigmoid and what is blended.
+    // Opacity, with the anti-aliasing factor between the sigmoid and the blended opacity.
     const vec2 sigma = sigmoid(s.logit);
     const bool antialias = (flags & VIEW_ANTIALIAS) != 0u;
     result.logit = up.b.y * sigma.y * (antialias ? e.compensation : 1.0);
@@ -82,7 +83,8 @@ SplatGradient splat_gradient(Camera camera, uint degree, uint flags, SplatParams
     return result;
 }
 
-// Adds the derivative of `weight` times the splat's smallest standard deviation (planar splats: PGSR, Chen et al. 2024).
+// Adds the derivative of `weight` times the splat's smallest standard deviation (planar splats: PGSR, Chen et al.
+// 2024).
 void flatten(inout SplatGradient g, vec3 log_scale, float weight) {
     const float slope = weight * exp(min(log_scale.x, min(log_scale.y, log_scale.z)));
     g.log_scale += mix(vec3(0.0), vec3(slope), equal(uvec3(shortest_axis(log_scale)), uvec3(0u, 1u, 2u)));
@@ -93,13 +95,14 @@ vec3 of_degrees(float weight, uint degree) {
     return mix(vec3(0.0), vec3(weight), lessThanEqual(uvec3(1u, 2u, 3u), uvec3(degree)));
 }
 
-// Adds the derivative of `weight` times half the square of coefficients. `precise`, so that every pass that does it has the same bits.
+// Adds the derivative of `weight` times half the square of coefficients. `precise`, so that all passes get the same
+// bits.
 vec4 shrunk(vec4 g, vec4 sh, vec4 weight) {
     precise vec4 sum = g + weight * sh;
     return sum;
 }
 
-// The same where a pass has the specialization constant SHRINK and it is not zero; otherwise nothing is read.
+// The same for the specialization constant SHRINK of a pass; reads nothing if SHRINK is zero.
 #define SHRUNK(g, sh, weight) (SHRINK != 0u ? shrunk(g, sh, weight) : (g))
 
 // A group of SH gradients is the outer product of its basis values and the colour's gradient.

@@ -1,12 +1,12 @@
-// Splats of a batch in shared memory, in rows: a row is one access where single words are one each.
-// Include after the shape and the splat's definition.
+// Splats of a batch in shared memory, in rows: a row takes one access instead of one per word. Include after the shape
+// and the splat's definition.
 #ifndef STAGED_GLSL
 #define STAGED_GLSL
 
 shared vec4 staged_place[BATCH];   // x, y, p, q
 shared vec4 staged_look[BATCH];    // r, opacity, red, green
 shared vec2 staged_rest[BATCH];    // blue, depth
-shared vec4 staged_normal[BATCH];  // where AUX
+shared vec4 staged_normal[BATCH];  // only with AUX
 
 void stage(uint k, Splat s) {
     staged_place[k] = vec4(s.x, s.y, s.p, s.q);

@@ -1,29 +1,29 @@
-// How well a window of the reference agrees with those of the sources under a hypothesis: bilateral NCC (weights by distance and by
+// Agreement of a window of the reference with the sources under a hypothesis: bilateral NCC (weights by distance and by
 // difference of luma, as in COLMAP and ACMM), through the exact homography of the hypothesis' plane.
 //
-// A hypothesis at a pixel is (d, gx, gy): inverse depth there, and how it changes per pixel, which is constant on a plane. The including
-// shader defines SIDE (taps along a side of the window) and declares STEP, `blocks` (pixel p of the picture in slot s is row
-// s * push.stride + p; slot 0 is the reference), `links` and `push`. Seven rows of `links` belong to a source: three of (A, b), with
-// which pixel (u, v) at inverse depth d is A (u, v, 1) + b d in homogeneous pixels of the source; its width and height; and three for
-// the way back.
+// A hypothesis at a pixel is (d, gx, gy): inverse depth at the pixel, and its change per pixel, which is constant on a
+// plane. The including shader defines SIDE (taps along a side of the window) and declares STEP, `blocks` (pixel p of
+// the photograph in slot s is row s * push.stride + p; slot 0 is the reference), `links` and `push`. A source has seven
+// rows of `links`: three rows of (A, b), which map pixel (u, v) at inverse depth d to A (u, v, 1) + b d in homogeneous
+// pixels of the source; one row with width and height; and three rows of the inverse map.
 #ifndef STEREO_WINDOW_GLSL
 #define STEREO_WINDOW_GLSL
 
 const uint LINK_ROWS = 7u;
 const uint TAPS = SIDE * SIDE;
 const int REACH = int((SIDE - 1u) * STEP / 2u);
-// Variance of luma (from 0 to 1) that 8-bit steps alone can make; below it a window says nothing.
+// Variance of luma (from 0 to 1) caused by 8-bit quantisation alone; below, a window has no texture.
 const float LEAST_VARIANCE = 4e-6;
 
-// What does not depend on hypotheses: weights that sum to 1, and the same times the reference's deviations in units of their root mean
-// square.
+// Independent of hypotheses: weights that sum to 1, and the weights times the reference's deviations in units of their
+// root mean square.
 float weights[TAPS];
 float pattern[TAPS];
 float pivot;
 
 ivec2 tap_offset(uint x, uint y) { return ivec2(x * STEP, y * STEP) - REACH; }
 
-// Whether the window has anything to compare.
+// Whether the window has texture to compare.
 bool load_window(ivec2 at) {
     const ivec2 size = ivec2(push.width, push.height);
     const float centre = LOAD4(blocks, at.y * size.x + at.x).x;
@@ -95,7 +95,7 @@ float source_score(uint source, vec3 hypothesis, vec2 middle) {
     return seen ? score : -1.0;
 }
 
-// Mean of the best scores among the sources that have the place in their picture: what is hidden from some of them does not count against
+// Mean of the best scores among the sources that contain the point: occlusion in some sources does not count against
 // the hypothesis.
 float window_score(vec3 hypothesis, vec2 middle) {
     vec4 best = vec4(0.0);

@@ -1,10 +1,12 @@
-// Subgroup operations with two bodies: the hardware's, and an emulation in shared memory (SUBGROUP_EMULATED) whose width is a
-// specialization constant, so that widths of 32 and 64 can be tested on a device of width 8, and devices without the extension run.
+// Subgroup operations with two bodies: the hardware's, and an emulation in shared memory (SUBGROUP_EMULATED) whose
+// width is a specialization constant, so that widths of 32 and 64 can be tested on a device of width 8, and devices
+// without the extension run.
 //
-// Before including, and before any declaration: `#define LOCAL_SIZE n`, the threads of the workgroup, a multiple of the width.
-// Every function must be reached by all threads of the workgroup (the emulation has barriers in it).
-// Nothing may depend on the width, nor on local_index() / width being the subgroup's number: use subgroup_number() and
-// workgroup_rank(). Subgroups are full: the device layer asks for that, and a workgroup is a multiple of the width.
+// Before including, and before any declaration: `#define LOCAL_SIZE n`, the threads of the workgroup, a multiple of the
+// width. Every function must be reached by all threads of the workgroup (the emulation has barriers in it). Code must
+// not depend on the width, and must not take local_index() / width for the subgroup's number: use subgroup_number() and
+// workgroup_rank(). Subgroups are full: the device layer requires full subgroups, and a workgroup is a multiple of the
+// width.
 #ifndef SUBGROUP_GLSL
 #define SUBGROUP_GLSL
 
@@ -34,7 +36,7 @@ bool subgroup_any(bool x) { return subgroupAny(x); }
 bool subgroup_all(bool x) { return subgroupAll(x); }
 uvec4 subgroup_ballot(bool x) { return subgroupBallot(x); }
 float subgroup_shuffle_xor(float x, uint bit) { return subgroupShuffleXor(x, bit); }
-// What lanes wrote to shared memory before is there for the others of the subgroup after.
+// Makes earlier writes of a lane to shared memory visible to the other lanes of the subgroup.
 void subgroup_meet() { subgroupBarrier(); }
 
 #else
@@ -50,7 +52,7 @@ uint subgroup_lane() { return gl_LocalInvocationID.x % EMULATED_WIDTH; }
 uint subgroup_number() { return gl_LocalInvocationID.x / EMULATED_WIDTH; }
 uint subgroup_count() { return LOCAL_SIZE / EMULATED_WIDTH; }
 
-// Puts every lane's word on the table; returns where this subgroup's words begin. Closed by a barrier.
+// Stores every lane's word in shared memory; returns the index of this subgroup's first word. Ends with a barrier.
 uint subgroup_publish(uint x) {
     subgroup_words[gl_LocalInvocationID.x] = x;
     barrier();
@@ -125,7 +127,7 @@ bool subgroup_all(bool x) { return subgroup_ballot(!x).xy == uvec2(0u); }
 // True in one lane of each subgroup.
 bool subgroup_elect() { return subgroup_lane() == 0u; }
 
-// The value of one lane, given by a number that is the same in the whole subgroup.
+// The value of one lane, whose number is uniform in the subgroup.
 uint subgroup_broadcast(uint x, uint lane) { return subgroup_shuffle(x, lane); }
 float subgroup_broadcast(float x, uint lane) { return subgroup_shuffle(x, lane); }
 
@@ -144,7 +146,7 @@ uint ballot_count(uvec4 ballot) {
     return uint(bitCount(ballot.x) + bitCount(ballot.y) + bitCount(ballot.z) + bitCount(ballot.w));
 }
 
-// This thread's place in the order (subgroup, lane): what workgroup sums run over. Not always local_index().
+// This thread's rank in the order (subgroup, lane), the order of workgroup sums. Not always local_index().
 uint workgroup_rank() { return subgroup_number() * subgroup_width() + subgroup_lane(); }
 
 #endif

@@ -1,12 +1,14 @@
-// The one ellipse-tile test: which tiles of the image hold a pixel centre where a splat has alpha >= ALPHA_MIN.
+// The ellipse-tile test: finds the tiles of the image with a pixel centre where a splat has alpha >= ALPHA_MIN.
 // `project` counts with it and `emit` lists with it, both from the stored row of `splat2d`, so the two always agree.
-// Idea: exact opacity-aware tile lists, Speedy-Splat (SnugBox, AccuTile). Twin: src/twin/tile.rs, same operations in the same order.
+// Idea: exact opacity-aware tile lists, Speedy-Splat (SnugBox, AccuTile). Twin: src/twin/tile.rs, same operations in
+// the same order.
 //
-// With q(d) = A dx^2 + 2 B dx dy + C dy^2, alpha = opacity exp(-q/2) >= ALPHA_MIN means q <= t = 2 ln(opacity / ALPHA_MIN).
-// For the rows of pixel centres of one tile row, d_y in [d0, d1], the columns with q <= t form an interval
+// With q(d) = A dx^2 + 2 B dx dy + C dy^2, alpha = opacity exp(-q/2) >= ALPHA_MIN means q <= t = 2 ln(opacity /
+// ALPHA_MIN). For the rows of pixel centres of one tile row, d_y in [d0, d1], the columns with q <= t form an interval
 //     dx in [c - w, c + w],  c = -B dy / A,  w = sqrt(A t - det dy^2) / A,  det = A C - B^2,
-// whose right end is concave in dy with its top at the ellipse's rightmost point: the largest value over the tile row is found at
-// that point clamped to [d0, d1]; likewise the left end. Nothing is listed whose interval holds no column of pixel centres.
+// whose right end is concave in dy with its top at the ellipse's rightmost point: the largest value over the tile row
+// is found at that point clamped to [d0, d1]; likewise the left end. Nothing is listed whose interval holds no column
+// of pixel centres.
 //
 // Margins (u = 2^-24), all outward, so that no tile is lost in which a pixel passes in f32:
 //  - Blending evaluates q/2 in f32 as (p dx + q dy)^2 + (r dy)^2 from p = sqrt(A/2), q = B/(2p), r (see alpha.glsl). With P = |p dx|,
@@ -34,10 +36,10 @@ struct TileGrid {
     uvec2 tile;   // width, height of a tile in pixels: powers of two
 };
 
-// Pixels as tiles, rounded down. By shifts: processors divide whole numbers lane by lane.
+// Pixels as tiles, rounded down. By shifts, because CPU devices divide integers lane by lane.
 uvec2 in_tiles(uvec2 pixels, uvec2 tile) { return pixels >> findLSB(tile); }
 
-// What the rows of one splat share. Rows of tiles [row_begin, row_end); empty when the splat touches no tile.
+// Values shared by all rows of one splat. Rows of tiles [row_begin, row_end); empty when the splat touches no tile.
 struct TileEllipse {
     vec2 mean;
     float inv_a;    // 1 / A
@@ -52,7 +54,7 @@ struct TileEllipse {
 
 uvec2 tile_counts_of(TileGrid grid) { return in_tiles(grid.image + grid.tile - 1u, grid.tile); }
 
-// ln x for normal x > 0, by operations that round alike everywhere: the twin gets the same bits.
+// ln x for normal x > 0, by operations with the same rounding everywhere: the twin gets the same bits.
 float tile_ln(float x) {
     const uint bits = floatBitsToUint(x);
     precise float m = uintBitsToFloat((bits & 0x007fffffu) | 0x3f800000u);
@@ -89,7 +91,7 @@ TileEllipse tile_ellipse(vec2 mean, vec3 conic, float opacity, TileGrid grid) {
     e.row_begin = 0u;
     e.row_end = 0u;
     precise float scaled = opacity / ALPHA_MIN;
-    // Written so that NaN fails.
+    // Written so that NaN fails the test.
     const bool sound = conic.x > 1.0e-30 && conic.x < 1.0e15 && conic.z > 1.0e-30 && conic.z < 1.0e15 && abs(conic.y) < 1.0e15
         && abs(mean.x) < TILE_FAR && abs(mean.y) < TILE_FAR && scaled > 0.5 && scaled < 1.0e6;
     if (!sound) return e;

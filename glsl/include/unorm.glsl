@@ -1,8 +1,7 @@
-// Channels of photographs as numbers from 0 to 1: of every c the float nearest to c / 255 or c / 65535, as the host has it, so that equal
-// pictures are equal on every device. unpackUnorm4x8 is a quotient that Vulkan promises within 2.5 ulp, or a product with 1 / 255, which
-// is another number for half of all c.
-// The inverse in two parts, of which the first times c is exact: the sum is the nearest float whether or not it is one operation with
-// either product (for every c).
+// Channels of photographs as numbers from 0 to 1: for every c the float nearest to c / 255 or c / 65535, as on the
+// host, so that equal images are equal on every device. unpackUnorm4x8 is a quotient, which Vulkan promises only within
+// 2.5 ulp, or a product with 1 / 255, which differs for half of all c. The inverse in two parts. The first part times c
+// is exact, so the sum is the nearest float for every c, with or without fused operations.
 #ifndef UNORM_GLSL
 #define UNORM_GLSL
 

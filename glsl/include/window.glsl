@@ -1,12 +1,12 @@
-// SSIM's window along one axis: 11 taps of a Gaussian with sigma 1.5. Down a column as a filter that takes values one by one, along
-// a row over the lanes of a subgroup and those of its two neighbours.
+// SSIM's window along one axis: 11 taps of a Gaussian with sigma 1.5. Down a column as a filter over a stream of
+// values; along a row over the lanes of a subgroup and of its two neighbours.
 #ifndef WINDOW_GLSL
 #define WINDOW_GLSL
 
 const uint WINDOW_RADIUS = 5u;
 const float WINDOW[6] = float[6](0.00102838008, 0.00759875814, 0.0360007721, 0.109360690, 0.213005538, 0.266011725);
 
-// The ten sums under way. pending[j] belongs to the value that came j - 5 after the last one.
+// The ten partial sums. pending[j] belongs to the value at offset j - 5 from the last value.
 struct Window {
     vec4 pending[10];
 };
@@ -17,7 +17,7 @@ Window window_empty() {
     return w;
 }
 
-// Takes a value; returns the weighted sum around the value that came five before it.
+// Takes the next value; returns the weighted sum around the value five positions before.
 vec4 window_take(inout Window w, vec4 x) {
     vec4 term[6];
     [[unroll]] for (uint j = 0u; j < 6u; ++j) term[j] = WINDOW[j] * x;
@@ -32,8 +32,8 @@ vec4 window_shuffle(vec4 x, uint lane) {
         subgroup_shuffle(x.w, lane));
 }
 
-// The weighted sum around each lane of `here`, where lanes stand for neighbouring columns, `left` and `right` for the columns of
-// the subgroup's width on either side.
+// The weighted sum around each lane of `here`, where lanes stand for neighbouring columns, `left` and `right` for the
+// columns of the subgroup's width on either side.
 vec4 window_across(vec4 left, vec4 here, vec4 right) {
     const uint width = subgroup_width();
     const uint lane = subgroup_lane();

@@ -2,7 +2,7 @@
 #ifndef WORKGROUP_SUM_GLSL
 #define WORKGROUP_SUM_GLSL
 
-// One word per subgroup, for any width from 1 on.
+// One word per subgroup, for any width of at least 1.
 shared uint workgroup_sums[LOCAL_SIZE];
 
 // Sum of `x` over the threads of lower rank; `total` over all.
