@@ -1,9 +1,10 @@
-//! Compiles every `glsl/*.comp` to SPIR-V with glslang and lists them for `src/pass/shaders.rs`. Each module comes in
-//! two forms: as written, with a descriptor per buffer, and with buffers reached by address (`build/by_address.rs`);
-//! some in a third, with rows of buffers read as texels (`build/by_texels.rs`), and of these some in a fourth, with the
-//! other buffers reached by address.
+//! Compiles every `glsl/*.comp` to SPIR-V with glslang and lists the modules for `src/pass/shaders.rs`. Each module has
+//! two variants: as written, with a descriptor per buffer, and with buffers reached by address (`build/by_address.rs`).
+//! Some have a third variant, with rows of buffers read as texels (`build/by_texels.rs`), and some also a fourth, with
+//! texels and all other buffers reached by address.
 //!
-//! Loops of shaders with `precise` arithmetic are written out before the optimizer can (`build/unroll.rs`).
+//! Loops of shaders with `precise` arithmetic are unrolled in the source, before the optimizer runs
+//! (`build/unroll.rs`).
 //!
 //! A shader may be compiled several times: a line `//! variant NAME DEFINE DEFINE ...` in it adds a module called
 //! `file_NAME` with those preprocessor symbols set; without such lines there is one module named after the file.
@@ -13,7 +14,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-// Linked for the static archives it names.
+// Needed for the static archives that the crate links.
 use shaderc_link as _;
 
 #[path = "build/by_address.rs"]
@@ -27,13 +28,13 @@ mod unroll;
 
 /// How a module reaches its buffers.
 #[derive(Clone, Copy)]
-enum Form<'a> {
+enum BufferAccess<'a> {
     Descriptors,
     Addresses,
-    /// With the buffers that have rows of three; notes what is read as texels.
-    Texels(&'a [String], &'a RefCell<Vec<by_texels::View>>),
-    /// The same with everything else by address; notes nothing where there is no such form.
-    TexelsByAddress(&'a [String], &'a RefCell<Option<Vec<by_texels::View>>>),
+    /// With the names of buffers with rows of three. Collects the texel views.
+    Texels(&'a [String], &'a RefCell<Vec<by_texels::TexelView>>),
+    /// Texels, and all other buffers by address. The collected views become `None` when the shader has no such variant.
+    TexelsByAddress(&'a [String], &'a RefCell<Option<Vec<by_texels::TexelView>>>),
 }
 
 fn main() {
@@ -62,18 +63,18 @@ fn build() -> Result<(), String> {
         let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         let stem = path.file_stem().and_then(|s| s.to_str()).ok_or("shader file name is not UTF-8")?.to_owned();
         for (name, defines) in variants(&stem, &text) {
-            let made = |form: Form<'_>, suffix: &str| -> Result<String, String> {
+            let made = |form: BufferAccess<'_>, suffix: &str| -> Result<String, String> {
                 let spirv = compile(&compiler, &path, &text, &defines, form)?;
                 let file = out.join(format!("{name}.{suffix}"));
                 fs::write(&file, spirv).map_err(|e| format!("{}: {e}", file.display()))?;
                 Ok(format!("include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.{suffix}\"))"))
             };
-            let descriptors = made(Form::Descriptors, "spv")?;
-            let addresses = made(Form::Addresses, "address.spv")?;
+            let descriptors = made(BufferAccess::Descriptors, "spv")?;
+            let addresses = made(BufferAccess::Addresses, "address.spv")?;
             let texels = match by_texels::asked(&text, &defines) {
                 Some(threes) => {
                     let views = RefCell::default();
-                    let spirv = made(Form::Texels(&threes, &views), "texel.spv")?;
+                    let spirv = made(BufferAccess::Texels(&threes, &views), "texel.spv")?;
                     format!("Some(Texels {{ spirv: {spirv}, views: &[{}] }})", list_of(&views.into_inner()))
                 }
                 None => "None".to_owned(),
@@ -101,13 +102,13 @@ fn build() -> Result<(), String> {
     fs::write(out.join("shaders.rs"), list).map_err(|e| e.to_string())
 }
 
-/// A module with what it reads as texels.
+/// A module with its texel views.
 struct WithTexels {
     spirv: Vec<u8>,
-    views: Vec<by_texels::View>,
+    views: Vec<by_texels::TexelView>,
 }
 
-/// The fourth form, where there is one.
+/// Compiles the fourth variant; `None` when the shader has none.
 fn texels_by_address(
     compiler: &shaderc::Compiler,
     path: &Path,
@@ -115,9 +116,9 @@ fn texels_by_address(
     defines: &[String],
     threes: &[String],
 ) -> Result<Option<WithTexels>, String> {
-    // Includes declare buffers too, so this is known when all have been read.
+    // Includes declare buffers too, so the views are complete only after compilation.
     let views = RefCell::new(Some(Vec::new()));
-    let made = compile(compiler, path, text, defines, Form::TexelsByAddress(threes, &views));
+    let made = compile(compiler, path, text, defines, BufferAccess::TexelsByAddress(threes, &views));
     match views.into_inner() {
         Some(views) => Ok(Some(WithTexels { spirv: made?, views })),
         None => Ok(None),
@@ -125,9 +126,9 @@ fn texels_by_address(
 }
 
 /// The views as elements of an array in Rust.
-fn list_of(views: &[by_texels::View]) -> String {
-    let one = |v: &by_texels::View| {
-        format!("TexelView {{ binding: {}, at: {}, format: TexelFormat::{} }}, ", v.binding, v.at, v.format)
+fn list_of(views: &[by_texels::TexelView]) -> String {
+    let one = |v: &by_texels::TexelView| {
+        format!("TexelView {{ binding: {}, at: {}, format: TexelBufferAccessat::{} }}, ", v.binding, v.at, v.format)
     };
     views.iter().map(one).collect()
 }
@@ -150,15 +151,15 @@ fn compile(
     path: &Path,
     text: &str,
     defines: &[String],
-    form: Form,
+    form: BufferAccess,
 ) -> Result<Vec<u8>, String> {
     let in_form = move |file: &Path, text: String| match form {
-        Form::Descriptors => Ok(text),
-        Form::Addresses => by_address::rewrite(&file.display().to_string(), &text),
-        Form::Texels(threes, views) => {
+        BufferAccess::Descriptors => Ok(text),
+        BufferAccess::Addresses => by_address::rewrite(&file.display().to_string(), &text),
+        BufferAccess::Texels(threes, views) => {
             by_texels::rewrite(&file.display().to_string(), &text, threes, &mut views.borrow_mut())
         }
-        Form::TexelsByAddress(threes, views) => {
+        BufferAccess::TexelsByAddress(threes, views) => {
             by_address::rewrite_with_texels(&file.display().to_string(), &text, threes, &mut views.borrow_mut())
         }
     };
@@ -174,7 +175,7 @@ fn compile(
         let content = fs::read_to_string(&file).map_err(|e| format!("{}: {e}", file.display()))?;
         Ok(shaderc::ResolvedInclude { resolved_name: file.display().to_string(), content: in_form(&file, content)? })
     });
-    if let Form::Texels(..) | Form::TexelsByAddress(..) = form {
+    if let BufferAccess::Texels(..) | BufferAccess::TexelsByAddress(..) = form {
         options.add_macro_definition("TEXELS", None);
     }
     for define in defines {
@@ -190,15 +191,17 @@ fn compile(
         })
         .map(|artifact| artifact.as_binary_u8().to_vec())
         .map_err(|e| match form {
-            Form::Descriptors => e.to_string(),
-            Form::Texels(..) | Form::TexelsByAddress(..) => {
+            BufferAccess::Descriptors => e.to_string(),
+            BufferAccess::Texels(..) | BufferAccess::TexelsByAddress(..) => {
                 format!(
-                    "with texels, where a row of a buffer is read by LOAD4 or LOAD3 (glsl/include/loads.glsl):\n{e}"
+                    "variant with texels (read rows of buffers with LOAD4 or LOAD3 of glsl/include/loads.glsl):
+{e}"
                 )
             }
-            Form::Addresses => {
+            BufferAccess::Addresses => {
                 format!(
-                    "by address, where a buffer's member is a macro (nothing else may have its name after it):\n{e}"
+                    "variant by address (a buffer's member is a macro, so nothing after it may have the same name):
+{e}"
                 )
             }
         })

@@ -1,12 +1,12 @@
-//! The second form of a shader: storage buffers reached through addresses instead of descriptors.
+//! The second variant of a shader: storage buffers reached by address instead of through descriptors.
 //!
-//! A descriptor of some devices covers no more than 128 MiB; an address covers all of a buffer. Every declaration
+//! On some devices a descriptor covers at most 128 MiB; an address reaches the whole buffer. Every declaration
 //! `layout(set = 0, binding = K) QUALIFIERS buffer Name { T member[]; };` becomes a reference type, a reference made of
-//! entry K of a table of addresses, and a macro under the member's name; the rest of the shader stays as it is written.
-//! The table is the only descriptor of such a module, at binding 0. What this does not understand is an error:
-//! nothing keeps its descriptor.
+//! entry K of a table of addresses, and a macro under the member's name; the rest of the shader is unchanged. The table
+//! is the only descriptor of the module, at binding 0. A declaration that cannot be parsed is an error, so no buffer
+//! keeps its descriptor.
 
-use crate::by_texels::{BESIDE, View, texel_of};
+use crate::by_texels::{BESIDE, TexelView, texel_of};
 use crate::declaration::{self, Declaration};
 
 const EXTENSIONS: &str =
@@ -17,15 +17,15 @@ pub(crate) fn rewrite(file: &str, text: &str) -> Result<String, String> {
     declaration::rewrite(file, text, EXTENSIONS, |out, declaration, _| push_reference(out, declaration))
 }
 
-/// The fourth form: rows that are read as texels in the third one are so here too, [`BESIDE`] bindings further on, and
-/// everything else is reached by address. Texels cover more than a descriptor of a buffer does. `views` becomes `None`
-/// where such rows are written as well, for which there is no such form:
-/// a macro of the member's name stands in the way of its texels.
+/// The fourth variant: rows are read as texels like in the third variant, at bindings offset by [`BESIDE`], and all
+/// other buffers are reached by address. A texel buffer may be larger than a storage-buffer descriptor's range. `views`
+/// becomes `None` when the shader also writes a buffer that is read as texels: the macro with the member's name would
+/// conflict with the texels.
 pub(crate) fn rewrite_with_texels(
     file: &str,
     text: &str,
     threes: &[String],
-    views: &mut Option<Vec<View>>,
+    views: &mut Option<Vec<TexelView>>,
 ) -> Result<String, String> {
     declaration::rewrite(file, text, EXTENSIONS, |out, declaration, _| {
         let Some((sampler, format)) = texel_of(declaration, threes) else {
@@ -38,13 +38,13 @@ pub(crate) fn rewrite_with_texels(
             *views = None;
         }
         if let Some(views) = views {
-            views.push(View { binding: *binding, at, format });
+            views.push(TexelView { binding: *binding, at, format });
         }
     })
 }
 
-/// The array in the reference has another name than the macro, which would be expanded twice in the argument of a
-/// macro.
+/// The array in the reference and the macro have different names, because a macro argument would expand an equal name
+/// twice.
 fn push_reference(out: &mut String, declaration: &Declaration) {
     let Declaration { binding, qualifiers, block, element, member } = declaration;
     let qualifiers: String = qualifiers.iter().map(|q| format!("{q} ")).collect();

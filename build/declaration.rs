@@ -1,4 +1,4 @@
-//! Declarations of storage buffers in shaders, which other forms of a shader replace.
+//! Declarations of storage buffers in shaders, which other variants of a shader replace.
 
 /// Qualifiers of a buffer that its references keep.
 const QUALIFIERS: [&str; 5] = ["readonly", "writeonly", "coherent", "volatile", "restrict"];
@@ -13,8 +13,8 @@ pub(crate) struct Declaration {
     pub(crate) member: String,
 }
 
-/// Copies the lines of a shader, or of a file that it includes, to `out`, with declarations of buffers given to
-/// `replace`. `after_version` follows the `#version` line. `Err` names the file and the line.
+/// Copies the lines of a shader, or of an included file, and passes declarations of buffers to `replace`.
+/// `after_version` follows the `#version` line. `Err` names the file and the line.
 pub(crate) fn rewrite(
     file: &str,
     text: &str,
@@ -29,7 +29,7 @@ pub(crate) fn rewrite(
         let tokens = tokens(line);
         if !directive && concerns_descriptors(&tokens) {
             let declaration = parse(&tokens).map_err(|what| {
-                format!("{file}:{number}: {what}, so that no other form of it can be made: {}", line.trim())
+                format!("{file}:{number}: {what}, so the shader's other variants cannot be made: {}", line.trim())
             })?;
             replace(&mut out, &declaration, line);
             push_line_number(&mut out, number);
@@ -45,12 +45,12 @@ pub(crate) fn rewrite(
     Ok(out)
 }
 
-/// Makes the line that follows count as the one after `number`.
+/// Gives the next line the number after `number`.
 fn push_line_number(out: &mut String, number: u32) {
     out.push_str(&format!("#line {}\n", number + 1));
 }
 
-/// Words and single characters of a line, comments and white space left out.
+/// Words and single characters of a line, without comments and white space.
 fn tokens(line: &str) -> Vec<&str> {
     let mut rest = line.split("//").next().unwrap_or(line);
     let mut found = Vec::new();
@@ -66,7 +66,7 @@ fn tokens(line: &str) -> Vec<&str> {
     found
 }
 
-/// Declares a buffer, or anything else that has a descriptor.
+/// Whether the line declares a buffer or another object with a descriptor.
 fn concerns_descriptors(tokens: &[&str]) -> bool {
     let described = tokens.first() == Some(&"layout") && (tokens.contains(&"set") || tokens.contains(&"binding"));
     described || tokens.contains(&"buffer")
@@ -106,10 +106,10 @@ fn parse(tokens: &[&str]) -> Result<Declaration, &'static str> {
         return Err(unknown);
     }
     if middle.iter().any(|qualifier| !QUALIFIERS.contains(qualifier)) {
-        return Err("a qualifier that is not known");
+        return Err("an unknown qualifier");
     }
     Ok(Declaration {
-        binding: binding.parse().map_err(|_| "a binding that is not a number")?,
+        binding: binding.parse().map_err(|_| "a binding number that is not a number")?,
         qualifiers: middle.iter().map(|q| (*q).to_owned()).collect(),
         block: (*block).to_owned(),
         element: (*element).to_owned(),

@@ -1,17 +1,17 @@
-//! Loops marked `[[unroll]]` written out, where a shader has `precise` arithmetic.
+//! Unrolls loops marked `[[unroll]]` in the source of shaders with `precise` arithmetic.
 //!
-//! The optimizer would unroll them, but of the copies of a loop's body only the first keeps NoContraction (SPIRV-Tools
-//! clones instructions there without their decorations): whether two kernels decide alike would be left to the device's
-//! compiler.
+//! The optimizer would unroll the loops too, but only the first copy of a loop's body keeps NoContraction (SPIRV-Tools
+//! clones the instructions without decorations). Then the device's compiler would decide whether two kernels compute
+//! equal values.
 
-/// Rewrites a preprocessed shader. Loops are written out whose header is `for (uint NAME = BEGIN; NAME < END; ++NAME)`,
-/// with a literal or a `const uint` at either end, and whose body is never left early.
+/// Rewrites a preprocessed shader. Unrolls loops with a header `for (uint NAME = BEGIN; NAME < END; ++NAME)`, where
+/// BEGIN and END are literals or `const uint`s, and without an early exit from the body.
 pub(crate) fn rewrite(text: &str) -> String {
     if !words(text).any(|(_, word)| word == "precise") {
         return text.to_owned();
     }
     let mut out = text.to_owned();
-    // Inner loops are found again in the copies of the outer ones' bodies.
+    // Inner loops are found again in the copies of the outer loops' bodies.
     let mut from = 0;
     while let Some(at) = out[from..].find("[[unroll]]").map(|at| from + at) {
         match parsed(&out, at) {
@@ -32,11 +32,11 @@ struct Unrolled {
     begin: u32,
     end: u32,
     body: String,
-    /// Where the loop's text ends.
+    /// End of the loop's text.
     stop: usize,
 }
 
-/// Words, numbers and single other characters with their places.
+/// Words, numbers and other single characters, with their byte offsets.
 fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let part = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let mut at = 0;
@@ -81,14 +81,14 @@ fn parsed(text: &str, at: usize) -> Option<Unrolled> {
     None
 }
 
-/// A literal, or the value of a constant of the shader that has one.
+/// The value of a literal or of a constant of the shader.
 fn number(text: &str, word: &str) -> Option<u32> {
     if word.starts_with(|c: char| c.is_ascii_digit()) {
         return word.trim_end_matches('u').parse().ok();
     }
     let all: Vec<&str> = words(text).map(|(_, word)| word).collect();
     let mut values = all.windows(7).filter_map(|w| match w {
-        // After a parenthesis it is a constant by specialization.
+        // After a parenthesis follows a specialization constant.
         [before, "const", "uint", name, "=", value, ";"] if *name == word && *before != ")" => Some(*value),
         _ => None,
     });

@@ -1,6 +1,6 @@
-//! A host program with its own `VkDevice` that has a Gaussian model rendered on it: the host makes instance, device and
-//! queue with no more features than the engine requires, lends an allocator, submits work of its own from one thread
-//! while the engine submits from another, orders the two by a timeline semaphore, and shows the picture.
+//! A host program that renders a Gaussian model on its own `VkDevice`. The host creates instance, device and queue with
+//! only the features that the engine requires, and lends an allocator. Host and engine submit work from separate
+//! threads, ordered by a timeline semaphore. At the end the host writes the render to a file.
 //!
 //! ```text
 //! cargo run --example embed -- picture.png
@@ -22,11 +22,11 @@ use psrgs_vk::scene::{Camera, Gaussians, SH_GROUP_FLOATS};
 use psrgs_vk::vk::ash::vk;
 use psrgs_vk::vk::{Gpu, HostDevice, OpenOptions, SubmitSync};
 
-/// Where the splats of [`model`] are, and their colours.
+/// (mean, colour) of the splats of [`model`].
 pub const SPLATS: [([f32; 3], [f32; 3]); 3] =
     [([-1.5, 0.0, 4.0], [1.0, 0.1, 0.1]), ([0.0, 0.5, 4.0], [0.1, 1.0, 0.1]), ([1.5, 0.0, 4.0], [0.1, 0.1, 1.0])];
 
-/// A red, a green and a blue ball. A host with a file would take `psrgs_vk::format::ply::read(file)?.gaussians`.
+/// A red, a green and a blue ball. To load a file, use `psrgs_vk::format::ply::read(file)?.gaussians`.
 pub fn model() -> Gaussians {
     let mut model = Gaussians::zeros(SPLATS.len());
     for (i, (mean, colour)) in SPLATS.into_iter().enumerate() {
@@ -42,7 +42,7 @@ pub fn model() -> Gaussians {
     model
 }
 
-/// What frame `frame` shows: from somewhat to the side along z, and in the last frame from the origin.
+/// The view of frame `frame`: along z, from beside the origin, and in the last frame from the origin.
 pub fn shot(frame: u64) -> RenderView {
     let rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let aside = 0.2 * (FRAMES - 1 - frame) as f64;
@@ -52,24 +52,25 @@ pub fn shot(frame: u64) -> RenderView {
     RenderView { camera, projection: Projection::default(), background: [0.0; 3] }
 }
 
-/// Frames that are drawn.
+/// Number of frames.
 pub const FRAMES: u64 = 4;
 
-/// What came of it.
+/// Results of the example.
 pub struct Outcome {
-    /// The picture of the last frame, as the host has it; its first row is the host's own.
+    /// The render of the last frame, as read by the host. The host has overwritten the first row.
     pub picture: Picture,
-    /// How often the engine submitted work.
+    /// Number of submits by the engine.
     pub submits: u64,
-    /// How often the host did.
+    /// Number of submits by the host.
     pub host_submits: u64,
 }
 
-/// Draws the frames on the host's device. Two threads submit to one queue, and nobody waits for it to run dry.
+/// Draws the frames on the host's device. Two threads submit to one queue, and no thread waits for the queue to be
+/// idle.
 pub fn run(host: &Host, description: HostDevice<'_>) -> Result<Outcome, Box<dyn Error>> {
     // ANCHOR: adopt
-    // SAFETY: the host's handles outlive `gpu` and what is made with it, which end with this function; the host submits
-    // inside the lock of the description only.
+    // SAFETY: the host's handles outlive `gpu` and everything made with it, which end with this function. The host
+    // submits only inside the lock that it handed over.
     let gpu = unsafe { Gpu::adopt(description, &OpenOptions::default()) }?;
     let viewer = Viewer::new(&gpu);
     let model = model();
@@ -86,13 +87,14 @@ pub fn run(host: &Host, description: HostDevice<'_>) -> Result<Outcome, Box<dyn 
     let mut first = 0;
     loop {
         let last = first + FRAMES;
-        // A submit may wait only for what stands before it in the queue, so each side says when it has submitted.
+        // A submit may wait only for earlier submits of the queue, so each thread tells the other when it has
+        // submitted.
         let (begun, to_draw) = mpsc::channel();
         let (drawn, to_show) = mpsc::channel();
         let ticket = std::thread::scope(|scope| -> Result<_, Box<dyn Error>> {
             let (gpu, viewer, planes, timeline) = (&gpu, &viewer, &planes, &timeline);
             // ANCHOR: engine
-            // The engine's thread: a frame is drawn once the host's part of it has run, and signals when it is whole.
+            // The engine's thread: a frame is rendered after the host's part has run, and signals when complete.
             let engine = scope.spawn(move || {
                 let mut ticket = gpu.last_ticket();
                 for frame in to_draw {
@@ -109,7 +111,7 @@ pub fn run(host: &Host, description: HostDevice<'_>) -> Result<Outcome, Box<dyn 
             });
             // ANCHOR_END: engine
             // ANCHOR: host
-            // The host's thread: its part of the frame, which here is to clear, and then the picture, which it shows.
+            // The host's thread: first the host's part of the frame (here a clear), then the display of the render.
             for frame in first..last {
                 let clear = commands.begin()?;
                 // SAFETY: `clear` is being recorded, and the buffer lives until the last point is reached.
@@ -138,11 +140,11 @@ pub fn run(host: &Host, description: HostDevice<'_>) -> Result<Outcome, Box<dyn 
             drop(begun);
             Ok(engine.join().map_err(|_| "the engine's thread panicked")??)
         })?;
-        // Only who looks at the result waits for it.
+        // Only the reader of the result waits.
         timeline.wait(3 * last, u64::MAX)?;
         first = last;
         // ANCHOR: fits
-        // No room yet for so many splats in so many tiles: there is now, and the frames are drawn again.
+        // If the (splat, tile) pairs did not fit, the viewer has more room now, and the frames are drawn again.
         if viewer.lock().unwrap_or_else(PoisonError::into_inner).fits(ticket)? == Some(true) {
             break;
         }

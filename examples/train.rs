@@ -1,4 +1,4 @@
-//! Training as a library: a dataset in, a model out, every message of the training on the way.
+//! Training as a library: trains a model on a dataset and prints the training's messages.
 //!
 //! ```text
 //! cargo run --example train -- DATA MODEL.ply [STEPS]
@@ -12,13 +12,13 @@ use psrgs_vk::format::ply;
 use psrgs_vk::train::{Message, Pacing, Settings, Trainer, prepare};
 use psrgs_vk::vk::{Gpu, OpenOptions};
 
-/// What a training came to.
+/// Results of a training.
 pub struct Outcome {
-    /// Splats of the model.
+    /// Number of splats of the model.
     pub splats: usize,
     /// Mean PSNR over the held-out photographs in decibels, if there are any.
     pub psnr: Option<f64>,
-    /// Steps that were told.
+    /// Number of reported steps.
     pub steps: u32,
 }
 

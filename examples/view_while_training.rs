@@ -1,6 +1,5 @@
-//! A host program that watches a model while it is trained: the engine trains on the host's device in one thread, and
-//! the host renders frame after frame of the same model into an image of its own in another,
-//! from a command buffer of its own.
+//! A host program that views a model in training. In one thread the engine trains on the host's device. In another
+//! thread the host renders frames of the model into its own image, from its own command buffer.
 //!
 //! ```text
 //! cargo run --example view_while_training -- DATA picture.png [STEPS]
@@ -22,31 +21,31 @@ use psrgs_vk::train::{Input, Message, Pacing, Settings, Trainer, prepare};
 use psrgs_vk::vk::ash::vk;
 use psrgs_vk::vk::{Gpu, HostDevice, HostRecording, OpenOptions, SubmitSync};
 
-/// What came of it.
+/// Results of the example.
 pub struct Outcome {
     /// The host's image at the end.
     pub picture: Picture,
-    /// Frames drawn before the training was over, and in all.
+    /// Number of frames drawn during the training, and in total.
     pub frames: (u64, u64),
-    /// Steps that were done.
+    /// Number of training steps.
     pub steps: u32,
-    /// How often the planes of the model grew.
+    /// Number of times that the planes of the model grew.
     pub grown: u32,
     /// The trained model, in scene coordinates.
     pub model: Gaussians,
 }
 
-/// What the two threads tell each other.
+/// State shared by the two threads.
 struct Shared {
-    /// The model that is being trained.
+    /// The model in training.
     model: LiveModel,
-    /// How it is seen.
+    /// The view of the model.
     shot: RenderView,
-    /// The last step that has been submitted, a value of the timeline of steps.
+    /// The last submitted step, as a value of the timeline of steps.
     step: u64,
-    /// The last frame that has been submitted, a value of the timeline of frames.
+    /// The last submitted frame, as a value of the timeline of frames.
     frame: u64,
-    /// The training is over.
+    /// Whether the training is over.
     over: bool,
 }
 
@@ -54,7 +53,7 @@ fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Trains on the host's device, and draws what `camera` sees of the model meanwhile.
+/// Trains on the host's device, and meanwhile draws the view of `camera`.
 pub fn run(
     host: &Host,
     description: HostDevice<'_>,
@@ -63,8 +62,8 @@ pub fn run(
     pacing: Pacing,
     camera: Camera,
 ) -> Result<Outcome, Box<dyn Error>> {
-    // SAFETY: the host's handles outlive `gpu` and what is made with it, which end with this function; the host submits
-    // inside the lock of the description only.
+    // SAFETY: the host's handles outlive `gpu` and everything made with it, which end with this function. The host
+    // submits only inside the lock that it handed over.
     let gpu = unsafe { Gpu::adopt(description, &OpenOptions::default()) }?;
     let mut trainer = Trainer::new(&gpu, input, settings, pacing, None)?;
     let shared =
@@ -73,7 +72,7 @@ pub fn run(
     let mut view = View::new(host, &gpu, &frames, camera)?;
     let (done, grown) = std::thread::scope(|scope| {
         let training = scope.spawn(|| {
-            // As text, because it goes from one thread to another.
+            // As text, because the error crosses threads.
             let done = train(&mut trainer, &shared, &camera, &steps, &frames).map_err(|error| error.to_string());
             lock(&shared).over = true;
             done
@@ -85,7 +84,7 @@ pub fn run(
         Ok::<_, Box<dyn Error>>(done)
     })?;
     let during = view.frames;
-    // The end of the training, and once more where there was no room for it.
+    // Draw the trained model; draw again if the pairs did not fit.
     loop {
         view.draw(&shared, &steps)?;
         if view.finish()? {
@@ -98,8 +97,8 @@ pub fn run(
 }
 
 // ANCHOR: train
-/// The training thread: every step waits for the frames that were submitted before it, and signals when it is done.
-/// Gives the number of steps done and how often the planes grew.
+/// The training thread. Every step waits for the frames submitted before, and signals its end. Returns the number of
+/// steps, and the number of times that the planes grew.
 fn train(
     trainer: &mut Trainer,
     shared: &Mutex<Shared>,
@@ -134,17 +133,17 @@ fn train(
 }
 // ANCHOR_END: train
 
-/// The host's frames: an image of its own, and a command buffer that the engine's commands go into.
+/// Frame drawing of the host: its image, and the command buffer that the engine records into.
 struct View<'a> {
     host: &'a Host,
     gpu: &'a Gpu,
-    /// The frames' timeline.
+    /// The timeline of frames.
     points: &'a Timeline<'a>,
     viewer: Viewer,
     image: HostImage<'a>,
     commands: Commands<'a>,
     shown: HostBuffer<'a>,
-    /// What the last frame refers to.
+    /// Recording of the last frame, which keeps the frame's objects alive.
     recording: Option<HostRecording>,
     frames: u64,
 }
@@ -165,7 +164,7 @@ impl<'a> View<'a> {
     }
 
     // ANCHOR: draw
-    /// Submits a frame; first waits for the one before.
+    /// Waits for the previous frame, then submits a frame.
     fn draw(&mut self, shared: &Mutex<Shared>, steps: &Timeline<'_>) -> Result<(), Box<dyn Error>> {
         self.finish()?;
         let (model, shot) = {
@@ -177,8 +176,8 @@ impl<'a> View<'a> {
         let Some(target) = self.viewer.target() else { return Err("nothing was recorded".into()) };
         let source = target.image.raw();
         let commands = self.commands.begin()?;
-        // SAFETY: `commands` is a command buffer of the host that is being recorded. The recording is kept until the
-        // frame's point has been reached, and so is all else that the commands refer to.
+        // SAFETY: `commands` is a command buffer of the host that is being recorded. The recording and everything else
+        // that the commands refer to are kept until the frame's semaphore value is reached.
         unsafe {
             self.recording = Some(recorder.record_into(commands)?);
             let (before, after) = (vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
@@ -188,7 +187,7 @@ impl<'a> View<'a> {
             self.image.layout(commands, after, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
             self.host.device.end_command_buffer(commands)?;
         }
-        // Behind the last step that was submitted; the steps to come wait for this frame.
+        // After the last submitted step. Later steps wait for this frame.
         let mut shared = lock(shared);
         // SAFETY: as above.
         unsafe { self.host.submit(commands, steps.at(shared.step), self.points.at(shared.frame + 1)) }?;
@@ -197,7 +196,7 @@ impl<'a> View<'a> {
         Ok(())
     }
 
-    /// Waits for the last frame and frees what it referred to. False where its picture was not whole.
+    /// Waits for the last frame and frees its objects. Returns false when the render was incomplete.
     fn finish(&mut self) -> Result<bool, Box<dyn Error>> {
         let Some(recording) = self.recording.take() else { return Ok(false) };
         self.points.wait(self.frames, u64::MAX)?;
@@ -212,7 +211,7 @@ impl<'a> View<'a> {
     fn read(&mut self) -> Result<Picture, Box<dyn Error>> {
         let commands = self.commands.begin()?;
         let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
-        // SAFETY: image and buffer live on; the point is waited for.
+        // SAFETY: image and buffer outlive the call, which waits for the semaphore value.
         let rgbt = unsafe {
             let region = [self.image.region()];
             self.host.device.cmd_copy_image_to_buffer(commands, self.image.image, layout, self.shown.buffer, &region);
@@ -228,8 +227,7 @@ impl<'a> View<'a> {
 
 impl Drop for View<'_> {
     fn drop(&mut self) {
-        // Also when something went wrong, nothing goes that a frame still needs.
-        // On a lost device there is nothing to wait for.
+        // Even after an error, keep everything that a frame still needs. On a lost device there is nothing to wait for.
         let _ = self.points.wait(self.frames, u64::MAX);
     }
 }

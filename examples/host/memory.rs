@@ -1,4 +1,4 @@
-//! The host's memory: an allocator that it lends to the engine, and a buffer and an image of its own.
+//! The host's memory: an allocator for the engine, and the host's own buffer and image.
 
 use std::collections::HashMap;
 use std::ffi::c_void;
@@ -11,11 +11,11 @@ use psrgs_vk::vk::{HostAllocator, Memory, MemoryBlock, MemoryRequest};
 use super::Host;
 
 // ANCHOR: allocator
-/// An allocator of the host: one memory object for each buffer, which is enough for the hundred buffers of a training.
+/// An allocator of the host: one memory object per buffer, which suffices for the hundred buffers of a training.
 pub struct Allocator {
     device: ash::Device,
     types: vk::PhysicalDeviceMemoryProperties,
-    /// Bytes of every memory object that is lent, by its handle, and what was lent at most.
+    /// Bytes of every lent memory object by handle, and the largest number of lent objects.
     lent: Mutex<(HashMap<vk::DeviceMemory, u64>, usize)>,
 }
 
@@ -58,14 +58,14 @@ unsafe impl HostAllocator for Allocator {
 
     fn free(&self, block: MemoryBlock) {
         self.lent.lock().unwrap_or_else(PoisonError::into_inner).0.remove(&block.memory);
-        // SAFETY: the engine uses the block no more; freeing unmaps.
+        // SAFETY: the engine no longer uses the block; freeing unmaps the memory.
         unsafe { self.device.free_memory(block.memory, None) };
     }
 }
 // ANCHOR_END: allocator
 
 impl Allocator {
-    /// An allocator on the host's device, which it does not outlive.
+    /// An allocator on the host's device. The device outlives the allocator.
     pub fn new(host: &Host) -> Arc<Allocator> {
         Arc::new(Allocator { device: host.device.clone(), types: host.memory_types(), lent: Mutex::default() })
     }
@@ -74,7 +74,7 @@ impl Allocator {
         memory_type(&self.types, bits, wanted)
     }
 
-    /// Blocks that are lent at present, and at most so far.
+    /// Number of blocks lent now, and the largest number so far.
     pub fn lent(&self) -> (usize, usize) {
         let lent = self.lent.lock().unwrap_or_else(PoisonError::into_inner);
         (lent.0.len(), lent.1)
@@ -86,7 +86,7 @@ fn memory_type(types: &vk::PhysicalDeviceMemoryProperties, bits: u32, wanted: vk
     (0..types.memory_type_count).find(fits)
 }
 
-/// A buffer of the host's that it reads.
+/// A buffer that the host reads.
 pub struct HostBuffer<'a> {
     host: &'a Host,
     /// The buffer.
@@ -97,7 +97,7 @@ pub struct HostBuffer<'a> {
 }
 
 impl<'a> HostBuffer<'a> {
-    /// A buffer of so many floats.
+    /// A buffer of `floats` floats.
     pub fn new(host: &'a Host, floats: usize) -> Result<Self, vk::Result> {
         let size = 4 * floats as u64;
         let info = vk::BufferCreateInfo::default().size(size).usage(vk::BufferUsageFlags::TRANSFER_DST);
@@ -117,12 +117,12 @@ impl<'a> HostBuffer<'a> {
         }
     }
 
-    /// What is in it.
+    /// The buffer's content.
     ///
     /// # Safety
-    /// The device has finished writing to it.
+    /// The device has finished writing to the buffer.
     pub unsafe fn read(&self) -> Vec<f32> {
-        // SAFETY: the mapping has so many floats; the rest is the caller's promise.
+        // SAFETY: the mapping has this many floats; the rest is the caller's promise.
         unsafe { std::slice::from_raw_parts(self.pointer.as_ptr(), self.floats) }.to_vec()
     }
 }
@@ -137,7 +137,7 @@ impl Drop for HostBuffer<'_> {
     }
 }
 
-/// An image of the host's with four floats per pixel, as a host might show or encode it.
+/// An image of the host with four floats per pixel, for display or encoding.
 pub struct HostImage<'a> {
     host: &'a Host,
     /// The image.
@@ -150,7 +150,7 @@ pub struct HostImage<'a> {
 }
 
 impl<'a> HostImage<'a> {
-    /// An image of a size, its content undefined.
+    /// An image of the given size with undefined content.
     pub fn new(host: &'a Host, width: u32, height: u32) -> Result<Self, vk::Result> {
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
@@ -173,7 +173,7 @@ impl<'a> HostImage<'a> {
         }
     }
 
-    /// The whole image as a copy sees it, in a buffer without gaps.
+    /// The copy region of the whole image, to or from a tightly packed buffer.
     pub fn region(&self) -> vk::BufferImageCopy {
         let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
         vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
@@ -183,10 +183,10 @@ impl<'a> HostImage<'a> {
         })
     }
 
-    /// Records a change of its layout, behind all writes so far and before all that follows.
+    /// Records a layout transition, after all earlier writes and before all later commands.
     ///
     /// # Safety
-    /// `commands` is being recorded, and `from` is its layout then.
+    /// `commands` is being recorded, and `from` is the image's layout at that point.
     pub unsafe fn layout(&self, commands: vk::CommandBuffer, from: vk::ImageLayout, to: vk::ImageLayout) {
         let range =
             vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR).level_count(1).layer_count(1);

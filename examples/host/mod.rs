@@ -1,8 +1,8 @@
-//! What a host program brings along: its own instance, device and queue, a lock around the queue, and an allocator.
+//! A host program's own instance, device and queue, a lock around the queue, and an allocator.
 //!
-//! Everything here was made, and will be destroyed, by the host.
-// Each example uses a part of it. A host speaks Vulkan itself, so examples are the one place outside the device layer
-// with `unsafe`.
+//! The host creates and destroys everything here.
+// Each example uses a part of the module. A host calls Vulkan itself, so examples are the only code outside the device
+// layer with `unsafe`.
 #![allow(dead_code)]
 
 pub mod memory;
@@ -26,7 +26,7 @@ pub struct Turn {
 }
 
 impl Turn {
-    /// Waits until nobody has it, and takes it.
+    /// Waits until the lock is free, and takes the lock.
     pub fn take(&self) {
         let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
         while *taken {
@@ -36,18 +36,18 @@ impl Turn {
         self.uses.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Gives it back.
+    /// Releases the lock.
     pub fn give(&self) {
         *self.taken.lock().unwrap_or_else(PoisonError::into_inner) = false;
         self.freed.notify_one();
     }
 
-    /// Whether somebody has it now.
+    /// Whether a thread holds the lock now.
     pub fn is_taken(&self) -> bool {
         *self.taken.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// How often it was taken.
+    /// Number of times that the lock was taken.
     pub fn uses(&self) -> u64 {
         self.uses.load(Ordering::Relaxed)
     }
@@ -61,26 +61,26 @@ pub struct Host {
     pub physical_device: vk::PhysicalDevice,
     /// The device.
     pub device: ash::Device,
-    /// Its queue, shared with the engine.
+    /// The device's queue, shared with the engine.
     pub queue: vk::Queue,
     /// The family of the queue.
     pub family: u32,
-    /// Extensions that are enabled, of the instance and of the device.
+    /// Enabled extensions of instance and device.
     pub extensions: Vec<&'static CStr>,
-    /// Features that are enabled and concern the engine.
+    /// Enabled features that the engine knows.
     pub features: Features,
-    /// Whose turn it is at the queue.
+    /// Lock around the queue.
     pub turn: Arc<Turn>,
 }
 
 impl Host {
-    /// A host whose device has no more features than the engine needs. `None` where there is no Vulkan driver.
+    /// A host whose device has only the features that the engine requires. `None` without a Vulkan driver.
     pub fn new() -> Result<Option<Host>, Box<dyn Error>> {
         Self::with(required_features())
     }
 
     /// Creates an instance and, on the first device with Vulkan 1.3 and a compute queue, a device with one queue and
-    /// these features, which it must have.
+    /// these features, which the device must have.
     pub fn with(features: Features) -> Result<Option<Host>, Box<dyn Error>> {
         // SAFETY: loads the system's Vulkan loader.
         let Ok(entry) = (unsafe { ash::Entry::load() }) else { return Ok(None) };
@@ -105,13 +105,12 @@ impl Host {
             found
         };
         let Some((physical_device, family)) = found else {
-            // SAFETY: nothing was made from it.
+            // SAFETY: nothing was created from the instance.
             unsafe { instance.destroy_instance(None) };
             return Ok(None);
         };
         // ANCHOR: features
-        // `features` are `required_features()`, known before there is a device.
-        // They go beside what the host wants for itself.
+        // `features` are `required_features()`, known before a device exists. The host may add features of its own.
         let mut enabled = FeatureStructures::default();
         features.enable(&mut enabled);
         let priorities = [1.0];
@@ -122,17 +121,17 @@ impl Host {
             .push_next(&mut enabled.v11)
             .push_next(&mut enabled.v12)
             .push_next(&mut enabled.v13);
-        // SAFETY: the caller's features; every device with Vulkan 1.3 has those that are required.
+        // SAFETY: the caller's features; every device with Vulkan 1.3 has the required features.
         let device = unsafe { instance.create_device(physical_device, &info, None) }?;
         // ANCHOR_END: features
-        // SAFETY: one queue of this family was asked for.
+        // SAFETY: the device was created with one queue of this family.
         let queue = unsafe { device.get_device_queue(family, 0) };
         let (extensions, turn) = (Vec::new(), Arc::default());
         Ok(Some(Host { entry, instance, physical_device, device, queue, family, extensions, features, turn }))
     }
 
     // ANCHOR: describe
-    /// What the engine needs to know.
+    /// Description of the host's device for the engine.
     pub fn describe(&self, allocator: Option<Arc<dyn HostAllocator>>) -> HostDevice<'_> {
         let (taken, given) = (self.turn.clone(), self.turn.clone());
         HostDevice {
@@ -169,15 +168,15 @@ impl Host {
     /// A pool for command buffers of the host.
     pub fn commands(&self) -> Result<Commands<'_>, vk::Result> {
         let info = vk::CommandPoolCreateInfo::default().queue_family_index(self.family);
-        // SAFETY: the family is that of the queue.
+        // SAFETY: the family is the queue's family.
         Ok(Commands { host: self, pool: unsafe { self.device.create_command_pool(&info, None) }? })
     }
 
     // ANCHOR: submit
-    /// Submits a command buffer of the host, taking its turn at the queue.
+    /// Submits a command buffer of the host, inside the queue's lock.
     ///
     /// # Safety
-    /// The command buffer is complete, and what it refers to lives until it has run.
+    /// The command buffer is complete, and everything that it refers to lives until it has run.
     pub unsafe fn submit(
         &self,
         commands: vk::CommandBuffer,
@@ -222,14 +221,14 @@ pub struct Timeline<'a> {
 }
 
 impl Timeline<'_> {
-    /// The point at which it has a value.
+    /// The semaphore with a value, for a submit.
     pub fn at(&self, value: u64) -> HostSemaphore {
         // SAFETY: a timeline semaphore of the device that outlives the submits; values rise from submit to submit, and
         // nothing waits for a value whose signal has not been submitted.
         unsafe { HostSemaphore::new(self.semaphore, value) }
     }
 
-    /// Waits until it has a value, or for so many nanoseconds; whether it has.
+    /// Waits until the semaphore reaches a value, or for a time in nanoseconds. Returns whether the value was reached.
     pub fn wait(&self, value: u64, nanoseconds: u64) -> Result<bool, vk::Result> {
         let (semaphores, values) = ([self.semaphore], [value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
@@ -240,14 +239,14 @@ impl Timeline<'_> {
         }
     }
 
-    /// Sets it from the host's side.
+    /// Signals a value from the host.
     pub fn signal(&self, value: u64) -> Result<(), vk::Result> {
         let info = vk::SemaphoreSignalInfo::default().semaphore(self.semaphore).value(value);
         // SAFETY: the semaphore is the host's, and values only grow.
         unsafe { self.host.device.signal_semaphore(&info) }
     }
 
-    /// Leaves the semaphore alive, which is a leak: for tests that it is noticed.
+    /// Leaks the semaphore: for tests that the leak is noticed.
     pub fn forget(self) {
         std::mem::forget(self);
     }
@@ -255,7 +254,7 @@ impl Timeline<'_> {
 
 impl Drop for Timeline<'_> {
     fn drop(&mut self) {
-        // SAFETY: every submit that uses it has finished: hosts wait for the last point before.
+        // SAFETY: every submit that uses the semaphore has finished: hosts wait for the last value before.
         unsafe { self.host.device.destroy_semaphore(self.semaphore, None) };
     }
 }
@@ -282,10 +281,10 @@ impl Commands<'_> {
         }
     }
 
-    /// Takes every command buffer back.
+    /// Frees every command buffer.
     ///
     /// # Safety
-    /// All of them have run.
+    /// All command buffers have run.
     pub unsafe fn reset(&self) -> Result<(), vk::Result> {
         // SAFETY: the caller's promise.
         unsafe { self.host.device.reset_command_pool(self.pool, vk::CommandPoolResetFlags::RELEASE_RESOURCES) }
@@ -294,7 +293,7 @@ impl Commands<'_> {
 
 impl Drop for Commands<'_> {
     fn drop(&mut self) {
-        // SAFETY: every command buffer has run: hosts wait for the last point before.
+        // SAFETY: every command buffer has run: hosts wait for the last value before.
         unsafe { self.host.device.destroy_command_pool(self.pool, None) };
     }
 }

@@ -30,7 +30,8 @@ pub(super) unsafe fn arm<'a>(device: &Device, commands: vk::CommandBuffer, buffe
             continue;
         }
         if seen.is_empty() {
-            // A guard that is armed again may have been written by earlier commands. SAFETY: the caller's promise.
+            // A guard that is armed again may have been written by earlier commands.
+            // SAFETY: the caller's promise.
             unsafe { full_barrier(device, commands) };
         }
         seen.push(inner.id);
