@@ -128,7 +128,7 @@ fn texels_by_address(
 /// The views as elements of an array in Rust.
 fn list_of(views: &[by_texels::TexelView]) -> String {
     let one = |v: &by_texels::TexelView| {
-        format!("TexelView {{ binding: {}, at: {}, format: TexelBufferAccessat::{} }}, ", v.binding, v.at, v.format)
+        format!("TexelView {{ binding: {}, at: {}, format: TexelFormat::{} }}, ", v.binding, v.at, v.format)
     };
     views.iter().map(one).collect()
 }
