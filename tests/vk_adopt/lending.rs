@@ -50,7 +50,7 @@ fn an_allocator_that_gives_what_cannot_be_used_is_told_so() {
     let Some(host) = host() else { return };
     let cases: [(Change, &str); 3] = [
         (|block| block.offset += 1, "alignment"),
-        (|block| block.size -= 1, "less memory"),
+        (|block| block.size -= 1, "smaller than requested"),
         (|block| block.memory_type = 31, "memory type"),
     ];
     for (change, said) in cases {
