@@ -144,10 +144,7 @@ impl<'a> Machine<'a> {
             + self.memo.len() * MADE
             + self.parts * size_of::<Value>();
         if held > self.room {
-            let problem = format_args!(
-                "its objects take more than {} bytes, which is too much for a file of this size",
-                self.room
-            );
+            let problem = format_args!("takes more than {} bytes of memory, which is too much for its size", self.room);
             return Err(self.error(problem));
         }
         Ok(())
