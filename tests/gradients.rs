@@ -10,7 +10,7 @@ use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::project::{Projected, project};
 use psrgs_vk::twin::project_backward::{Grad2d, flatten, project_backward, shrink};
 use psrgs_vk::twin::reference::{self, Image, ImageGradient, Settings};
-use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
+use psrgs_vk::twin::splat::{PARAMETERS, Splat, TwinCamera};
 
 /// Families of parameters, whose units differ.
 const FAMILIES: [(&str, std::ops::Range<usize>); 5] =
@@ -147,7 +147,7 @@ fn outputs(p: &Projected<f64>) -> Vec<f64> {
 }
 
 /// The discrete state of a splat's projection; finite differences must not cross a change of it.
-fn state(splat: &Splat<f64>, view: &View<f64>) -> (bool, [bool; 2], bool, [bool; 3]) {
+fn state(splat: &Splat<f64>, view: &TwinCamera<f64>) -> (bool, [bool; 2], bool, [bool; 3]) {
     let (_, e) = psrgs_vk::twin::project::geometry(splat, view);
     match project(splat, view, None) {
         Ok(p) => (true, e.clamped, e.floored, p.colour.map(|c| c > 0.0)),
@@ -157,7 +157,7 @@ fn state(splat: &Splat<f64>, view: &View<f64>) -> (bool, [bool; 2], bool, [bool;
 
 fn projection_against_differences(projection: Projection, spread: f64, seed: u64) -> usize {
     let camera = camera(64, 48);
-    let view = View::<f64>::exact(&camera, &projection);
+    let view = TwinCamera::<f64>::exact(&camera, &projection);
     let mut random = seeded(seed);
     let (mut compared, mut clamped) = (0, 0);
     for case in 0..60 {
@@ -294,7 +294,7 @@ fn a_colour_at_its_lower_bound_has_only_gradients_that_raise_it() {
     for case in 0..24 {
         let black_learns = case % 3 != 0;
         let projection = Projection { sh_degree: case % 4, black_learns, ..Projection::default() };
-        let view = View::<f64>::exact(&camera, &projection);
+        let view = TwinCamera::<f64>::exact(&camera, &projection);
         let mut splat = splats::spread(&mut random, &camera, 0.7);
         splat.sh[0].iter_mut().for_each(|dc| *dc -= 2.0);
         let Ok(here) = project(&splat, &view, None) else { continue };
@@ -353,8 +353,8 @@ fn brute_force_gradients_at_the_colour_bound_lead_back_inside() {
 #[test]
 fn reference_clamp_changes_only_gradients_of_clamped_means() {
     let camera = camera(64, 48);
-    let honest = View::<f64>::exact(&camera, &Projection::default());
-    let quirk = View::<f64>::exact(&camera, &Projection { reference_clamp: true, ..Projection::default() });
+    let honest = TwinCamera::<f64>::exact(&camera, &Projection::default());
+    let quirk = TwinCamera::<f64>::exact(&camera, &Projection { reference_clamp: true, ..Projection::default() });
     let mut random = seeded(5);
     let g = Grad2d { row: [0.1, -0.2, 3.0, -2.0, 1.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], normal: [0.0; 3] };
     let mut differed = 0;
@@ -385,7 +385,7 @@ fn projection_twin_agrees_with_the_brute_force_renderer() {
         (g.depth, g.normal) = (other.depth, other.normal);
         let want = reference::backward(&splats, &camera, &settings, &g);
         let projection = Projection { sh_degree, antialias, black_learns, ..Projection::default() };
-        let view = View::<f64>::exact(&camera, &projection);
+        let view = TwinCamera::<f64>::exact(&camera, &projection);
         let mut touched = 0;
         for (i, splat) in splats.iter().enumerate() {
             let Ok(p) = project(splat, &view, None) else { continue };

@@ -16,7 +16,7 @@ use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::train::{self, Input, Message, Pacing, Settings, State, Trainer};
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::reference;
-use psrgs_vk::twin::splat::{Splat, View};
+use psrgs_vk::twin::splat::{Splat, TwinCamera};
 use psrgs_vk::vk::{Error, Gpu, Memory};
 
 /// More than 128 MiB of spherical harmonics of degree 3: 48 floats of 4 bytes each.
@@ -158,7 +158,7 @@ fn a_model_past_128_mib_is_rendered_and_differentiated_whole() {
     assert!(counts[counters::PAIRS] > MANY as u32);
     let image: Vec<f32> = gpu.read(&target.image).unwrap();
     assert!(image.iter().all(|v| v.is_finite()) && image.chunks(4).all(|p| p[3] < 1.0));
-    let view = View::<f64>::exact(&camera, &projection);
+    let view = TwinCamera::<f64>::exact(&camera, &projection);
     let mut moved = 0;
     for i in [0, 1, MANY / 2, 699_049, 699_050, 699_051, 710_000, MANY - 2, MANY - 1] {
         let want = project(&Splat::<f64>::of(&model, i), &view, None).ok().unwrap().row();

@@ -14,8 +14,8 @@ use psrgs_vk::format::names;
 use psrgs_vk::format::ply::Cloud;
 use psrgs_vk::numbers::{counted, percent};
 use psrgs_vk::stereo::{
-    self, Accuracy, InitialPlanes, Known, Matcher, MemoryEstimate, Observations, Prior, Scene, Settings, Skipped,
-    WithoutDepth, fuse,
+    self, Accuracy, InitialPlanes, Matcher, MemoryEstimate, Observations, Prior, Scene, Settings, SkippedView,
+    ViewTruth, WithoutDepth, fuse,
 };
 use psrgs_vk::train::settings::{DeviceChoice, HostChoice};
 use psrgs_vk::train::{HostMemory, shares_memory};
@@ -258,7 +258,7 @@ fn write(args: &Args, dataset: &Dataset, scene: &Scene, priors: &[Prior]) -> any
 }
 
 /// The true depth and normals of a view, if they lie beside the dataset.
-fn known(dataset: &Dataset, name: &str, limit: DecodeLimit) -> anyhow::Result<Option<Known>> {
+fn known(dataset: &Dataset, name: &str, limit: DecodeLimit) -> anyhow::Result<Option<ViewTruth>> {
     let file = |kind: &str| dataset.path.join(kind).join(Path::new(name).with_extension("exr"));
     if !file("depth").is_file() {
         return Ok(None);
@@ -268,7 +268,7 @@ fn known(dataset: &Dataset, name: &str, limit: DecodeLimit) -> anyhow::Result<Op
         file if file.is_file() => read_normals_within(&file, limit)?.values,
         _ => Vec::new(),
     };
-    Ok(Some(Known {
+    Ok(Some(ViewTruth {
         width: depth.width,
         height: depth.height,
         depth: depth.values.iter().map(|z| f64::from(*z) * dataset.frame.scale).collect(),
@@ -314,7 +314,7 @@ fn compare(
 }
 
 /// Warns of photographs without a depth map, a line for each reason.
-pub(crate) fn without_depth(skipped: &[Skipped], console: &Console) {
+pub(crate) fn without_depth(skipped: &[SkippedView], console: &Console) {
     for why in WithoutDepth::ALL {
         let mut names = skipped.iter().filter(|skipped| skipped.why == why).map(|skipped| &skipped.name);
         let Some(first) = names.next() else { continue };

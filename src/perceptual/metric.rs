@@ -2,7 +2,7 @@
 
 use super::Error;
 use super::distance::Distance;
-use super::window::{Pair, Windows};
+use super::window::{ImagePair, Windows};
 use crate::vk::{Buffer, Gpu, Memory};
 
 /// Scores renders of any size. Keeps its device memory while the size stays the same.
@@ -46,7 +46,7 @@ impl Metric {
         let mut recorder = self.gpu.recorder("perceptual distance")?;
         windows.record(
             &mut recorder,
-            &Pair { image, photograph, size: (width, height), at: (0, 0), cropped: false },
+            &ImagePair { image, photograph, size: (width, height), at: (0, 0), cropped: false },
             None,
         )?;
         recorder.submit()?;

@@ -2,7 +2,7 @@
 //! Vulkan passes with their gradients.
 //!
 //! ```no_run
-//! use psrgs_vk::perceptual::{Distance, GradientOf, LpipsWeights, Metric, Pair};
+//! use psrgs_vk::perceptual::{Distance, GradientOf, LpipsWeights, Metric, ImagePair};
 //! # use psrgs_vk::vk::{Buffer, Gpu};
 //! # fn example(
 //! #     gpu: Gpu, [image, photograph, grad_image]: [Buffer; 3], [rgb, rgba]: [Vec<u8>; 2],
@@ -14,7 +14,7 @@
 //! // As a term of a loss: memory is allocated once, and nothing waits for the device.
 //! let windows = lpips.windows(128, 128, true)?;
 //! let mut recorder = gpu.recorder("step")?;
-//! let pair = Pair { image: &image, photograph: &photograph, size: (640, 360), at: (17, 90), cropped: false };
+//! let pair = ImagePair { image: &image, photograph: &photograph, size: (640, 360), at: (17, 90), cropped: false };
 //! windows.record(&mut recorder, &pair, Some(&GradientOf { image: &grad_image, weight: 0.05 }))?;
 //! # Ok(())
 //! # }
@@ -41,4 +41,4 @@ pub use metric::Metric;
 pub use read::read_tensors;
 pub use squeezenet::LpipsWeights;
 pub use tensors::{Tensor, Tensors};
-pub use window::{GradientOf, Pair, Windows};
+pub use window::{GradientOf, ImagePair, Windows};

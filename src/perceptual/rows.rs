@@ -11,7 +11,7 @@ pub(super) struct Rows {
 
 /// A convolution's place in the rows, and its sizes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Placed {
+pub(super) struct DeviceConvolution {
     /// First row of its filters.
     pub(super) filter_row: u32,
     /// First row of its biases.
@@ -50,12 +50,12 @@ impl Rows {
     }
 
     /// Appends the filters and biases of the convolution itself.
-    pub(super) fn forward(&mut self, convolution: &Convolution) -> Placed {
+    pub(super) fn forward(&mut self, convolution: &Convolution) -> DeviceConvolution {
         let f = &convolution.filters;
         let quads = f.inputs.div_ceil(4);
         let bias_row = self.biases.len() as u32;
         self.biases.extend(f.biases.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]));
-        Placed {
+        DeviceConvolution {
             filter_row: self.push(f.outputs, quads, f.size, |o, i, y, x| f.at(o, i, y, x)),
             bias_row,
             groups: (f.outputs / 8) as u32,
@@ -68,10 +68,10 @@ impl Rows {
 
     /// Appends the filters of the gradient with respect to the convolution's input: for a stride of 1, a convolution
     /// with rotated filters.
-    pub(super) fn backward(&mut self, convolution: &Convolution) -> Placed {
+    pub(super) fn backward(&mut self, convolution: &Convolution) -> DeviceConvolution {
         let f = &convolution.filters;
         let last = f.size - 1;
-        Placed {
+        DeviceConvolution {
             filter_row: self.push(f.inputs, f.outputs / 4, f.size, |i, o, y, x| f.at(o, i, last - y, last - x)),
             bias_row: self.zeros(f.inputs),
             groups: (f.inputs / 8) as u32,
@@ -85,7 +85,7 @@ impl Rows {
     /// Appends the filters of the gradient with respect to an image that is read with stride 2 and no padding. The
     /// gradient is in blocks of 2x2 pixels, with four channels per pixel. A pixel of the block gets every second tap of
     /// a filter.
-    pub(super) fn image_gradient(&mut self, convolution: &Convolution) -> Placed {
+    pub(super) fn image_gradient(&mut self, convolution: &Convolution) -> DeviceConvolution {
         let f = &convolution.filters;
         let size = f.size.div_ceil(2);
         let tap = |output: usize, o: usize, y: usize, x: usize| {
@@ -94,7 +94,7 @@ impl Rows {
             let there = row < f.size && column < f.size && channel < f.inputs;
             if there { f.at(o, channel, row, column) } else { 0.0 }
         };
-        Placed {
+        DeviceConvolution {
             filter_row: self.push(16, f.outputs / 4, size, tap),
             bias_row: self.zeros(16),
             groups: 2,

@@ -1,7 +1,7 @@
 //! The network, its weights and its pipelines on a device.
 
 use super::network::Network;
-use super::rows::Placed;
+use super::rows::DeviceConvolution;
 use crate::vk::{Buffer, Gpu, Pipeline};
 
 /// The parts of a distance that all windows share.
@@ -19,9 +19,9 @@ pub(super) struct Trunk {
     /// First row of the channel weights of each compared layer.
     pub(super) weight_rows: Vec<u32>,
     /// The convolution of each step; `None` for steps that pool.
-    pub(super) forward: Vec<Option<Placed>>,
+    pub(super) forward: Vec<Option<DeviceConvolution>>,
     /// The gradient's convolution of each step; `None` for steps that pool.
-    pub(super) backward: Vec<Option<Placed>>,
+    pub(super) backward: Vec<Option<DeviceConvolution>>,
     /// A buffer to bind where a pass neither reads nor writes.
     pub(super) nothing: Buffer,
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::Error;
 use super::activations::{Activations, Gradients};
 use super::network::Op;
-use super::rows::Placed;
+use super::rows::DeviceConvolution;
 use super::trunk::Trunk;
 use crate::pass::convolution::{self as conv, FLAG_ADD, FLAG_GATE, FLAG_RELU};
 use crate::pass::feature_distance::{self as features, FLAG_GRADIENT};
@@ -22,7 +22,7 @@ pub struct Windows {
 
 /// Two images on the device and the position of a window in them.
 #[derive(Clone, Copy, Debug)]
-pub struct Pair<'a> {
+pub struct ImagePair<'a> {
     /// One vec4 per pixel, the first three components being colours in [0, 1].
     pub image: &'a Buffer,
     /// RGBA8; where alpha is 0 the images count as equal.
@@ -91,7 +91,7 @@ impl Windows {
     pub fn record(
         &self,
         recorder: &mut Recorder,
-        pair: &Pair<'_>,
+        pair: &ImagePair<'_>,
         gradient: Option<&GradientOf<'_>>,
     ) -> Result<(), Error> {
         let inside = |at: u32, side: u32, all: u32| at.checked_add(side).is_some_and(|end| end <= all);
@@ -126,7 +126,12 @@ impl Windows {
         Groups::Items(u64::from(self.width) * u64::from(self.height))
     }
 
-    fn forward(&self, recorder: &mut Recorder, pair: &Pair<'_>, gradients: Option<&Gradients>) -> Result<(), Error> {
+    fn forward(
+        &self,
+        recorder: &mut Recorder,
+        pair: &ImagePair<'_>,
+        gradients: Option<&Gradients>,
+    ) -> Result<(), Error> {
         let (trunk, room, network) = (&self.trunk, &self.room, &self.trunk.network);
         let ((left, top), (width, height)) = (pair.at, (self.width, self.height));
         let cropped = u32::from(pair.cropped);
@@ -233,7 +238,7 @@ impl Windows {
         Side { buffer: &of[tensor], size: self.room.sizes[tensor], row, first }
     }
 
-    fn convolve(&self, recorder: &mut Recorder, placed: &Placed, of: &Convolved<'_>) -> Result<(), Error> {
+    fn convolve(&self, recorder: &mut Recorder, placed: &DeviceConvolution, of: &Convolved<'_>) -> Result<(), Error> {
         let (trunk, Convolved { source, result, gate, images, flags }) = (&self.trunk, *of);
         let push = conv::Push {
             in_width: source.size.0,

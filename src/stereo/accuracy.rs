@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::homography::Homography;
-use super::{Prior, View};
+use super::{Prior, StereoView};
 
 /// Largest relative difference of depths between pixels of one surface, and between a point's depth and the depth of
 /// the surface that a view sees there.
@@ -16,7 +16,7 @@ const PLANE_REACH: i64 = 2;
 
 /// True depths and normals of a view, at any size of the photograph's aspect ratio.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Known {
+pub struct ViewTruth {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
@@ -37,7 +37,7 @@ pub struct Accuracy {
     seen_valid: usize,
 }
 
-impl Known {
+impl ViewTruth {
     /// Depth at a pixel of a photograph of another size: interpolated between the nearest pixels of the truth where
     /// they are of one surface, else the nearest pixel's depth.
     fn at(&self, x: u32, y: u32, width: u32, height: u32) -> f64 {
@@ -77,7 +77,7 @@ impl Known {
 
 impl Accuracy {
     /// Compares the priors of views with the truth, where the truth is known.
-    pub fn of(views: &[View], priors: &[Prior], truths: &[Option<Known>]) -> Self {
+    pub fn of(views: &[StereoView], priors: &[Prior], truths: &[Option<ViewTruth>]) -> Self {
         let mut out = Self::default();
         let maps: Vec<Option<Vec<f64>>> = views
             .iter()

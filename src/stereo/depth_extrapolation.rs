@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use super::prior::normal;
-use super::{Prior, View};
+use super::{Prior, StereoView};
 
 /// Side in pixels of the blocks over which known depths are averaged before the extrapolation.
 const BLOCK: usize = 8;
@@ -24,8 +24,8 @@ struct Block {
 /// Inverse depths over the whole image plane of a view, extrapolated from the known pixels. The inverse depth of a
 /// plane in space is linear in pixel coordinates. The extrapolation is therefore a plane fitted to all known pixels
 /// plus a mean of their differences from the plane, weighted by nearness.
-pub(super) struct Continued<'a> {
-    view: &'a View,
+pub(super) struct ExtrapolatedDepths<'a> {
+    view: &'a StereoView,
     /// Inverse depth at (u, v) is the dot product with (u, v, 1).
     plane: DVec3,
     blocks: Vec<Block>,
@@ -33,9 +33,9 @@ pub(super) struct Continued<'a> {
     range: [f64; 2],
 }
 
-impl<'a> Continued<'a> {
+impl<'a> ExtrapolatedDepths<'a> {
     /// `None` where too few pixels are known, or the prior's size is not the view's.
-    pub(super) fn new(view: &'a View, prior: &Prior) -> Option<Self> {
+    pub(super) fn new(view: &'a StereoView, prior: &Prior) -> Option<Self> {
         let size = (view.camera.width, view.camera.height);
         if (prior.width, prior.height) != size || prior.depth.len() != view.pixels() {
             return None;

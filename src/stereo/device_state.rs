@@ -1,7 +1,7 @@
 //! The device side of a run of the matcher: its buffers and dispatches.
 
 use super::homography::{self, Homography};
-use super::{Error, InitialPlanes, Matcher, Prior, View};
+use super::{Error, InitialPlanes, Matcher, Prior, StereoView};
 use crate::pass::stereo::{BlocksPush, FLAG_START, FilterPush, LINK_ROWS, MOST_CHECKS, RefitPush, SweepPush};
 use crate::scene::Camera;
 use crate::vk::{Buffer, Groups, Memory, Recorder, Ticket};
@@ -20,7 +20,7 @@ const TURNS: u32 = 1 << 16;
 /// The views of a run with their device memory.
 pub(super) struct DeviceState<'a> {
     matcher: &'a Matcher,
-    views: &'a [View],
+    views: &'a [StereoView],
     /// Pixels of the largest view.
     stride: usize,
     luma: Vec<Buffer>,
@@ -36,9 +36,9 @@ pub(super) struct DeviceState<'a> {
 }
 
 impl<'a> DeviceState<'a> {
-    pub(super) fn new(matcher: &'a Matcher, views: &'a [View]) -> Result<Self, Error> {
+    pub(super) fn new(matcher: &'a Matcher, views: &'a [StereoView]) -> Result<Self, Error> {
         let gpu = &matcher.gpu;
-        let stride = views.iter().map(View::pixels).max().unwrap_or(0);
+        let stride = views.iter().map(StereoView::pixels).max().unwrap_or(0);
         let buffer = |name: &str, bytes: usize| gpu.buffer(name, bytes as u64, Memory::Device);
         let mut work = Self {
             matcher,
@@ -210,7 +210,7 @@ impl<'a> DeviceState<'a> {
     }
 
     /// The change of inverse depth that moves the photograph's centre by one pixel in the sources (median).
-    fn parallax_unit(&self, view: &View, sources: &[usize]) -> f32 {
+    fn parallax_unit(&self, view: &StereoView, sources: &[usize]) -> f32 {
         let d = (view.depths[0] * view.depths[1]).sqrt().recip();
         let (u, v) = (0.5 * f64::from(view.camera.width), 0.5 * f64::from(view.camera.height));
         let moves = |s: &usize| Homography::new(&view.camera, &self.views[*s].camera).parallax(u, v, d);
@@ -222,12 +222,12 @@ impl<'a> DeviceState<'a> {
     }
 }
 
-fn checks_of(view: &View) -> &[usize] {
+fn checks_of(view: &StereoView) -> &[usize] {
     &view.sources[..view.sources.len().min(MOST_CHECKS)]
 }
 
 /// The pixels to match, one colour of the checkerboard first, and the number of pixels of that colour.
-fn pixels(view: &View) -> (Vec<u32>, u32) {
+fn pixels(view: &StereoView) -> (Vec<u32>, u32) {
     let width = view.camera.width;
     let wanted = |p: &u32| view.wanted.as_ref().is_none_or(|w| w[*p as usize]);
     let of = |colour: u32| (0..view.pixels() as u32).filter(move |p| (p % width + p / width) % 2 == colour);

@@ -3,10 +3,10 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::depth_extrapolation::{Continued, middle};
+use super::depth_extrapolation::{ExtrapolatedDepths, middle};
 use super::fuse::in_space;
 use super::homography::Homography;
-use super::{FusedPoint, Prior, View};
+use super::{FusedPoint, Prior, StereoView};
 use crate::scene::Camera;
 
 /// Largest variation of the depths that an extrapolation uses, as a share of the depth: an error of a hundredth in
@@ -14,7 +14,7 @@ use crate::scene::Camera;
 pub(super) const ROUGHEST: f64 = 0.01;
 
 /// An extrapolated point of a pixel without depth.
-struct Alone {
+struct ExtrapolatedPixel {
     pixel: usize,
     point: FusedPoint,
     /// Other views that see the point, and the pixels that it projects to.
@@ -25,12 +25,13 @@ struct Alone {
 /// little or nothing there. The points lie on the view's own surfaces, extrapolated by a plane fitted to all depths and
 /// by the nearest depths' differences from it. Only surfaces that vary little are extrapolated: a plain, not a town.
 /// Views that share a point get one point between them.
-pub fn extend(views: &[View], priors: &[Prior], most: usize) -> Vec<FusedPoint> {
-    let found: Vec<Vec<Alone>> = (0..views.len()).into_par_iter().map(|i| alone(views, priors, i, most)).collect();
+pub fn extend(views: &[StereoView], priors: &[Prior], most: usize) -> Vec<FusedPoint> {
+    let found: Vec<Vec<ExtrapolatedPixel>> =
+        (0..views.len()).into_par_iter().map(|i| alone(views, priors, i, most)).collect();
     let mut used: Vec<Vec<bool>> = views.iter().map(|view| vec![false; view.pixels()]).collect();
     let mut points = Vec::new();
     for (i, found) in found.into_iter().enumerate() {
-        for Alone { pixel, point, shared } in found {
+        for ExtrapolatedPixel { pixel, point, shared } in found {
             if used[i][pixel] {
                 continue;
             }
@@ -41,9 +42,9 @@ pub fn extend(views: &[View], priors: &[Prior], most: usize) -> Vec<FusedPoint> 
     points
 }
 
-fn alone(views: &[View], priors: &[Prior], i: usize, most: usize) -> Vec<Alone> {
+fn alone(views: &[StereoView], priors: &[Prior], i: usize, most: usize) -> Vec<ExtrapolatedPixel> {
     let (Some(view), Some(prior)) = (views.get(i), priors.get(i)) else { return Vec::new() };
-    let Some(continued) = Continued::new(view, prior) else { return Vec::new() };
+    let Some(continued) = ExtrapolatedDepths::new(view, prior) else { return Vec::new() };
     let others = others(views, i);
     let wanted = |pixel: &usize| view.wanted.as_ref().is_none_or(|wanted| wanted.get(*pixel) != Some(&false));
     let one = |pixel: usize| {
@@ -58,15 +59,19 @@ fn alone(views: &[View], priors: &[Prior], i: usize, most: usize) -> Vec<Alone> 
             let (position, normal) = in_space(&view.camera, [u, v], 1.0 / q, continued.normal(u, v, q));
             let colour = view.colours.get(pixel).copied().unwrap_or([128; 3]);
             let normal = normal.as_vec3().to_array();
-            Alone { pixel, point: FusedPoint { position: position.to_array(), normal, colour, pixels: 1 }, shared }
+            ExtrapolatedPixel {
+                pixel,
+                point: FusedPoint { position: position.to_array(), normal, colour, pixels: 1 },
+                shared,
+            }
         })
     };
     (0..view.pixels()).filter(|&pixel| prior.depth[pixel] <= 0.0).filter(wanted).filter_map(one).collect()
 }
 
 /// Homographies from a view to all others, nearest views first: they most likely see the same surfaces.
-pub(super) fn others(views: &[View], i: usize) -> Vec<(usize, Homography)> {
-    let centre = |view: &View| DVec3::from_array(view.camera.center());
+pub(super) fn others(views: &[StereoView], i: usize) -> Vec<(usize, Homography)> {
+    let centre = |view: &StereoView| DVec3::from_array(view.camera.center());
     let own = centre(&views[i]);
     let distance = |j: &usize| own.distance_squared(centre(&views[*j]));
     let mut nearest: Vec<usize> = (0..views.len()).filter(|&j| j != i).collect();

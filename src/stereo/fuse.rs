@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::homography::{Homography, intrinsics, rotation};
-use super::{Prior, Settings, View};
+use super::{Prior, Settings, StereoView};
 use crate::scene::Camera;
 
 /// Largest angle in degrees between the normals of pixels that fuse into one point.
@@ -23,7 +23,7 @@ pub struct FusedPoint {
 }
 
 /// A pixel's point in space.
-struct Lifted {
+struct PixelPoint {
     position: DVec3,
     normal: DVec3,
     colour: [f64; 3],
@@ -31,7 +31,7 @@ struct Lifted {
 
 /// Fuses pixels of different views that show the same point in space: their depths agree within
 /// [`Settings::agree_depth`] and their normals are similar. Each pixel is used once.
-pub fn fuse(views: &[View], priors: &[Prior], settings: &Settings) -> Vec<FusedPoint> {
+pub fn fuse(views: &[StereoView], priors: &[Prior], settings: &Settings) -> Vec<FusedPoint> {
     let mut used: Vec<Vec<bool>> = priors.iter().map(|prior| vec![false; prior.depth.len()]).collect();
     let mut points = Vec::new();
     for (i, (view, prior)) in views.iter().zip(priors).enumerate() {
@@ -70,7 +70,7 @@ pub fn fuse(views: &[View], priors: &[Prior], settings: &Settings) -> Vec<FusedP
 }
 
 /// The point of one pixel with a depth.
-pub fn lifted_pixel(view: &View, prior: &Prior, pixel: usize) -> FusedPoint {
+pub fn lifted_pixel(view: &StereoView, prior: &Prior, pixel: usize) -> FusedPoint {
     merged(&[lifted(view, prior, pixel)])
 }
 
@@ -87,10 +87,10 @@ fn seen_at(link: &Homography, [u, v]: [f64; 2], depth: f64, other: &Prior) -> Op
     inside.then(|| (y as usize * other.width as usize + x as usize, h.z * depth))
 }
 
-fn lifted(view: &View, prior: &Prior, pixel: usize) -> Lifted {
+fn lifted(view: &StereoView, prior: &Prior, pixel: usize) -> PixelPoint {
     let (u, v) = middle(prior, pixel);
     let (position, normal) = in_space(&view.camera, [u, v], f64::from(prior.depth[pixel]), prior.normals[pixel]);
-    Lifted { position, normal, colour: view.colours.get(pixel).copied().unwrap_or([128; 3]).map(f64::from) }
+    PixelPoint { position, normal, colour: view.colours.get(pixel).copied().unwrap_or([128; 3]).map(f64::from) }
 }
 
 /// The point in space of a position (u, v) at a depth, and its normal, rotated from the camera frame.
@@ -101,9 +101,9 @@ pub(super) fn in_space(camera: &Camera, [u, v]: [f64; 2], depth: f64, normal: [f
     (position, back * DVec3::from_array(normal.map(f64::from)))
 }
 
-fn merged(group: &[Lifted]) -> FusedPoint {
+fn merged(group: &[PixelPoint]) -> FusedPoint {
     let share = 1.0 / group.len() as f64;
-    let mean = |of: &dyn Fn(&Lifted) -> DVec3| group.iter().map(of).sum::<DVec3>() * share;
+    let mean = |of: &dyn Fn(&PixelPoint) -> DVec3| group.iter().map(of).sum::<DVec3>() * share;
     // The mean is taken relative to the first point: large coordinates keep their digits.
     let origin = group[0].position;
     let position = origin + mean(&|p| p.position - origin);

@@ -1,7 +1,7 @@
 //! PatchMatch on the device, view by view, and the consistency check between views.
 
 use super::device_state::DeviceState;
-use super::{Error, Prior, Settings, View};
+use super::{Error, Prior, Settings, StereoView};
 use crate::pass::Pass;
 use crate::pass::stereo::{BLOCKS, FILTER, REFIT, SWEEP_3, SWEEP_4, SWEEP_5, SWEEP_6};
 use crate::vk::{Gpu, Pipeline, Ticket};
@@ -41,7 +41,7 @@ impl Matcher {
 
     /// Depth, normals and confidence of every view, at the size of the view's camera; all zero for views without
     /// sources. `done` receives the progress, from 0 to 1. Equal inputs give equal bits on one device.
-    pub fn run(&self, views: &[View], mut done: impl FnMut(f64)) -> Result<Vec<Prior>, Error> {
+    pub fn run(&self, views: &[StereoView], mut done: impl FnMut(f64)) -> Result<Vec<Prior>, Error> {
         for (number, view) in views.iter().enumerate() {
             view.check(number, views.len())?;
         }

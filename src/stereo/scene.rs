@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{Error, InitialPlanes, Observations, Settings, View, choose_sources, depth_range};
+use super::{Error, InitialPlanes, Observations, Settings, StereoView, choose_sources, depth_range};
 use crate::dataset::{self, Dataset, HostShare, Photograph, Pixels, Role};
 use crate::saliency::Plane;
 use crate::scene::Camera;
@@ -20,7 +20,7 @@ const REDUCING: u64 = 16;
 
 /// A view without depth.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Skipped {
+pub struct SkippedView {
     /// Its position among the views.
     pub view: usize,
     /// Its name.
@@ -63,16 +63,16 @@ impl std::fmt::Display for WithoutDepth {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
     /// The views in scene coordinates, at the size for matching.
-    pub views: Vec<View>,
+    pub views: Vec<StereoView>,
     /// Names of the views.
     pub names: Vec<String>,
     /// Views without sources, which get no depth.
-    pub skipped: Vec<Skipped>,
+    pub skipped: Vec<SkippedView>,
 }
 
 /// A photograph that is not decoded yet.
 #[derive(Clone, Copy, Debug)]
-pub struct Pending<'a> {
+pub struct PendingPhotograph<'a> {
     /// Its name.
     pub name: &'a str,
     /// Its camera in scene coordinates, at the decoded size.
@@ -106,9 +106,9 @@ impl Scene {
         let seen = Observations::of(dataset, chosen, settings.seed.into());
         let views: Vec<(&dataset::View, Camera)> =
             chosen.iter().filter_map(|&i| Some((dataset.views.get(i)?, dataset.scene_camera(i)?))).collect();
-        let pending: Vec<Pending<'_>> = views
+        let pending: Vec<PendingPhotograph<'_>> = views
             .iter()
-            .map(|(view, camera)| Pending { name: &view.name, camera: *camera, bytes: view.decoding_bytes() })
+            .map(|(view, camera)| PendingPhotograph { name: &view.name, camera: *camera, bytes: view.decoding_bytes() })
             .collect();
         let of_view = |k: usize| match views.get(k) {
             Some((view, _)) => pixels(view),
@@ -121,7 +121,7 @@ impl Scene {
     /// becomes free; only the reduced photograph stays. Pixels with alpha below 0.5 are not matched. Sources, depths
     /// and initial hypotheses come from the points.
     pub fn new(
-        pending: &[Pending<'_>],
+        pending: &[PendingPhotograph<'_>],
         seen: &Observations,
         settings: &Settings,
         share: &HostShare,
@@ -140,7 +140,7 @@ impl Scene {
             let (full, decoded) = (&pending[k].camera, pixels(k)?);
             Ok(view(full, &decoded, &cameras[k], sources[k].clone(), &own[k], seen))
         });
-        let views = views.into_iter().collect::<Result<Vec<View>, dataset::Error>>()?;
+        let views = views.into_iter().collect::<Result<Vec<StereoView>, dataset::Error>>()?;
         let names: Vec<String> = pending.iter().map(|pending| pending.name.to_owned()).collect();
         let alone = views.iter().enumerate().filter(|(_, view)| view.sources.is_empty());
         let in_view = |k: usize| {
@@ -149,7 +149,7 @@ impl Scene {
                 || own[k].iter().any(|p| seen.points.get(*p as usize).is_some_and(|p| cameras[k].placed(*p).is_some()))
         };
         let why = |k| if in_view(k) { WithoutDepth::NoOtherView } else { WithoutDepth::NothingInView };
-        let skipped = alone.map(|(view, _)| Skipped { view, name: names[view].clone(), why: why(view) }).collect();
+        let skipped = alone.map(|(view, _)| SkippedView { view, name: names[view].clone(), why: why(view) }).collect();
         Ok(Self { views, names, skipped })
     }
 }
@@ -207,14 +207,14 @@ impl Observations {
 
     /// For each view, position in pixels and depth of the points that the view sees, as (u, v, depth), among the points
     /// that at least `least` views see. Assumed observations count only where all observations are assumed.
-    pub fn observed_by(&self, views: &[View], least: usize) -> Vec<Vec<[f64; 3]>> {
+    pub fn observed_by(&self, views: &[StereoView], least: usize) -> Vec<Vec<[f64; 3]>> {
         let nothing_else = self.assumed.len() == views.len();
         let counts = |k: &u32| nothing_else || self.assumed.binary_search(k).is_err();
         let trusted =
             |p: &u32| self.views.get(*p as usize).is_some_and(|v| v.iter().filter(|k| counts(k)).count() >= least);
-        let place = |view: &View, p: u32| view.camera.placed(*self.points.get(p as usize)?);
+        let place = |view: &StereoView, p: u32| view.camera.placed(*self.points.get(p as usize)?);
         let own = self.by_view(views.len());
-        let of = |(k, (view, own)): (u32, (&View, Vec<u32>))| match counts(&k) {
+        let of = |(k, (view, own)): (u32, (&StereoView, Vec<u32>))| match counts(&k) {
             true => own.into_iter().filter(trusted).filter_map(|p| place(view, p)).collect(),
             false => Vec::new(),
         };
@@ -266,7 +266,7 @@ fn view(
     let luma = rgba.iter().map(|p| 0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2]).collect();
     let opaque: Vec<bool> = rgba.iter().map(|p| p[3] >= 0.5).collect();
     let colours = rgba.iter().map(|p| [p[0], p[1], p[2]].map(|v| (v * 255.0).round().clamp(0.0, 255.0) as u8));
-    View {
+    StereoView {
         camera: *camera,
         luma,
         colours: colours.collect(),

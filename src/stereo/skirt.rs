@@ -3,10 +3,10 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::depth_extrapolation::Continued;
+use super::depth_extrapolation::ExtrapolatedDepths;
 use super::extrapolate::{others, pixel_at};
 use super::fuse::in_space;
-use super::{FusedPoint, Prior, View};
+use super::{FusedPoint, Prior, StereoView};
 
 /// Distance in pixels, at stereo's size, of points close to a photograph's edge, which other viewpoints are likely to
 /// see.
@@ -36,7 +36,7 @@ pub struct SkirtPoint {
 /// sides, where no view looks and the surfaces vary little. The points are far apart and have the colours of the
 /// nearest edge. No photograph shows these regions, but without points a render would be empty there. Empty where less
 /// than half of the wanted pixels have a depth.
-pub fn skirt(views: &[View], priors: &[Prior], share: f64) -> Vec<SkirtPoint> {
+pub fn skirt(views: &[StereoView], priors: &[Prior], share: f64) -> Vec<SkirtPoint> {
     if known_share(views, priors) < LEAST_KNOWN {
         return Vec::new();
     }
@@ -57,7 +57,7 @@ pub fn skirt(views: &[View], priors: &[Prior], share: f64) -> Vec<SkirtPoint> {
 }
 
 /// Share of the wanted pixels that have a depth.
-fn known_share(views: &[View], priors: &[Prior]) -> f64 {
+fn known_share(views: &[StereoView], priors: &[Prior]) -> f64 {
     let (mut known, mut wanted) = (0, 0);
     for (view, prior) in views.iter().zip(priors) {
         known += prior.depth.iter().filter(|d| **d > 0.0).count();
@@ -67,9 +67,9 @@ fn known_share(views: &[View], priors: &[Prior]) -> f64 {
 }
 
 /// The points of a view near its edges, and the points farther away.
-fn around(views: &[View], priors: &[Prior], i: usize, share: f64) -> (Vec<SkirtPoint>, Vec<SkirtPoint>) {
+fn around(views: &[StereoView], priors: &[Prior], i: usize, share: f64) -> (Vec<SkirtPoint>, Vec<SkirtPoint>) {
     let (Some(view), Some(prior)) = (views.get(i), priors.get(i)) else { return Default::default() };
-    let (Some(continued), true) = (Continued::new(view, prior), view.colours.len() == view.pixels()) else {
+    let (Some(continued), true) = (ExtrapolatedDepths::new(view, prior), view.colours.len() == view.pixels()) else {
         return Default::default();
     };
     let others = others(views, i);
@@ -109,7 +109,7 @@ fn nodes(side: f64, step: f64, beyond: f64) -> impl Iterator<Item = f64> + Clone
 
 /// The mean colour around the pixel nearest to a position outside the photograph, over a square that grows with the
 /// distance.
-fn edge_colour(view: &View, u: f64, v: f64) -> [u8; 3] {
+fn edge_colour(view: &StereoView, u: f64, v: f64) -> [u8; 3] {
     let (width, height) = (view.camera.width as usize, view.camera.height as usize);
     let nearest = |at: f64, side: usize| at.clamp(0.0, side.saturating_sub(1) as f64) as usize;
     let (x, y) = (nearest(u, width), nearest(v, height));

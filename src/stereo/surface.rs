@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::depth_extrapolation::middle;
 use super::extrapolate::{others, pixel_at};
 use super::homography::Homography;
-use super::{Prior, View};
+use super::{Prior, StereoView};
 use crate::scene::Camera;
 
 /// Step in pixels, across and down, between the pixels that are counted.
@@ -18,7 +18,7 @@ const SAME_SURFACE: f64 = 0.1;
 /// The area of the surfaces with known depths, in units of one photograph's wanted pixels. A point that n views see
 /// counts 1 / n in each. A view sees a point that it contains unless the view has another depth at that pixel. Views
 /// without depths are left out, as are views whose prior has another size.
-pub fn surface(views: &[View], priors: &[Prior]) -> f64 {
+pub fn surface(views: &[StereoView], priors: &[Prior]) -> f64 {
     let known: Vec<bool> = views.iter().zip(priors).map(|(view, prior)| is_known(view, prior)).collect();
     let of = |i: usize| if known[i] { share(views, priors, &known, i) } else { 0.0 };
     // The sum is in the order of the views, and so equal on any number of cores.
@@ -26,13 +26,13 @@ pub fn surface(views: &[View], priors: &[Prior]) -> f64 {
     shares.into_iter().sum()
 }
 
-fn is_known(view: &View, prior: &Prior) -> bool {
+fn is_known(view: &StereoView, prior: &Prior) -> bool {
     let size = (view.camera.width, view.camera.height);
     (prior.width, prior.height) == size && prior.depth.len() == view.pixels() && prior.depth.iter().any(|d| *d > 0.0)
 }
 
 /// A view's share of the area.
-fn share(views: &[View], priors: &[Prior], known: &[bool], i: usize) -> f64 {
+fn share(views: &[StereoView], priors: &[Prior], known: &[bool], i: usize) -> f64 {
     let prior = &priors[i];
     let others: Vec<(usize, Homography)> =
         others(views, i).into_iter().filter(|(j, _)| known.get(*j) == Some(&true)).collect();

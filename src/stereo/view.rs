@@ -5,7 +5,7 @@ use crate::scene::Camera;
 
 /// A photograph with its camera and the views to compare it with.
 #[derive(Clone, Debug, PartialEq)]
-pub struct View {
+pub struct StereoView {
     /// The camera at the photograph's size. All views share one coordinate system.
     pub camera: Camera,
     /// Luma from 0 to 1, row by row from the top.
@@ -23,7 +23,7 @@ pub struct View {
     pub wanted: Option<Vec<bool>>,
 }
 
-impl View {
+impl StereoView {
     /// Number of pixels.
     pub fn pixels(&self) -> usize {
         self.camera.width as usize * self.camera.height as usize

@@ -34,7 +34,7 @@ pub struct Observations {
 
 /// The points that a view shares with another.
 #[derive(Default)]
-struct Pair {
+struct SharedPoints {
     narrow: usize,
     /// Number of each point, and the worth of the angle between the views there.
     shared: Vec<(u32, f64)>,
@@ -47,7 +47,7 @@ pub fn choose_sources(cameras: &[Camera], seen: &Observations, most: usize) -> V
     let centers: Vec<[f64; 3]> = cameras.iter().map(Camera::center).collect();
     let pairs_of = |views: &Vec<u32>| views.len() * views.len();
     let step = seen.views.iter().map(pairs_of).sum::<usize>().div_ceil(COMPARED).max(1);
-    let mut pairs: Vec<BTreeMap<usize, Pair>> = Vec::new();
+    let mut pairs: Vec<BTreeMap<usize, SharedPoints>> = Vec::new();
     pairs.resize_with(cameras.len(), BTreeMap::new);
     for (number, (point, views)) in seen.points.iter().zip(&seen.views).step_by(step).enumerate() {
         for (k, &i) in views.iter().enumerate() {
@@ -65,17 +65,17 @@ pub fn choose_sources(cameras: &[Camera], seen: &Observations, most: usize) -> V
     }
     // The thinning of observations lowers the limit too.
     let least = LEAST_SHARED.div_ceil(step).max(1);
-    let usable = |pair: &Pair| pair.shared.len() >= least && 4 * pair.narrow < 3 * pair.shared.len();
+    let usable = |pair: &SharedPoints| pair.shared.len() >= least && 4 * pair.narrow < 3 * pair.shared.len();
     pairs.iter().map(|of| covering(of.iter().filter(|(_, pair)| usable(pair)), most)).collect()
 }
 
 /// Chooses one view after another, each time the view that adds most.
-fn covering<'a>(pairs: impl Iterator<Item = (&'a usize, &'a Pair)>, most: usize) -> Vec<usize> {
-    let mut left: Vec<(usize, &Pair)> = pairs.map(|(view, pair)| (*view, pair)).collect();
+fn covering<'a>(pairs: impl Iterator<Item = (&'a usize, &'a SharedPoints)>, most: usize) -> Vec<usize> {
+    let mut left: Vec<(usize, &SharedPoints)> = pairs.map(|(view, pair)| (*view, pair)).collect();
     let mut times: HashMap<u32, usize> = HashMap::new();
     let mut chosen = Vec::new();
     while chosen.len() < most {
-        let adds = |pair: &Pair| {
+        let adds = |pair: &SharedPoints| {
             let worth = |(point, worth): &(u32, f64)| worth * SEEN_AGAIN[times.get(point).map_or(0, |n| *n.min(&3))];
             pair.shared.iter().map(worth).sum::<f64>()
         };

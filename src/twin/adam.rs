@@ -40,7 +40,7 @@ pub fn adam<R: Real>(push: &Push, lr: R, g: R, element: Element<'_, R>) {
 
 /// The joint effect of several steps with a gradient of zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Missed<R> {
+pub struct MissedSteps<R> {
     /// Factor of the first moment.
     pub first: R,
     /// Factor of the second moment.
@@ -49,7 +49,7 @@ pub struct Missed<R> {
     pub moved: R,
 }
 
-impl<R: Real> Missed<R> {
+impl<R: Real> MissedSteps<R> {
     /// The effect of `count` steps, fewer than 2^16.
     pub fn steps(push: &Push, count: u32) -> Self {
         let decay = decay::<R>(push);
@@ -78,7 +78,7 @@ fn power<R: Real>(x: R, k: u32) -> R {
 }
 
 /// Applies the steps that an element has missed, with the current learning rate and bias corrections.
-pub fn catch_up<R: Real>(push: &Push, missed: &Missed<R>, lr: R, element: Element<'_, R>) {
+pub fn catch_up<R: Real>(push: &Push, missed: &MissedSteps<R>, lr: R, element: Element<'_, R>) {
     let Element { param, first, second } = element;
     let r = |x: f32| R::of(f64::from(x));
     let speed = (*first * r(push.inv_bias1)) / (second.sqrt() * r(push.inv_sqrt_bias2) + r(push.eps));
@@ -105,7 +105,7 @@ pub fn run(call: &mut TwinCall<'_>) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Element, Missed, adam, catch_up};
+    use super::{Element, MissedSteps, adam, catch_up};
     use crate::pass::adam::{AdamSettings, Push};
 
     /// Compares steps with a gradient of zero, one after the other, with all at once. The bias corrections of late
@@ -121,7 +121,7 @@ mod tests {
             for k in 1..=count {
                 adam(&push(start + k), 0.01, 0.0, of(&mut one));
             }
-            let (now, missed) = (push(start + count), Missed::steps(&push(start), count));
+            let (now, missed) = (push(start + count), MissedSteps::steps(&push(start), count));
             catch_up(&now, &missed, 0.01, of(&mut all));
             let far = (one.0 - 0.3).abs();
             assert!((one.0 - all.0).abs() <= 1e-4 * far, "{count}: {} and {}", one.0, all.0);

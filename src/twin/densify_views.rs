@@ -1,7 +1,7 @@
 //! Twin of `glsl/densify_views.comp`.
 
 use super::project::to_camera;
-use super::splat::View;
+use super::splat::TwinCamera;
 use super::{Real, TwinCall, projection, vec3};
 use crate::pass::camera::CameraPush;
 use crate::pass::counters::SPLATS;
@@ -16,7 +16,7 @@ const DILATION: f64 = 0.3;
 /// Whether the 3DGS reference counts a view for a splat, that is, whether the splat's radius is above zero there. The
 /// radius spans a square about the mean, which must touch a tile. `mean`, `quat` (w first) and `log_scale` are the
 /// splat's, in scene coordinates.
-pub fn is_counted<R: Real>(view: &View<R>, mean: [R; 3], quat: [R; 4], log_scale: [R; 3]) -> bool {
+pub fn is_counted<R: Real>(view: &TwinCamera<R>, mean: [R; 3], quat: [R; 4], log_scale: [R; 3]) -> bool {
     let p = to_camera(view, mean);
     let known = mean.iter().chain(&quat).chain(&log_scale).all(|v| v.is_finite());
     if !known || p[2] <= view.near {
@@ -38,7 +38,7 @@ pub fn is_counted<R: Real>(view: &View<R>, mean: [R; 3], quat: [R; 4], log_scale
 
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
-    let view = View::<f32>::of(&call.push::<CameraPush>());
+    let view = TwinCamera::<f32>::of(&call.push::<CameraPush>());
     let splats = call.get::<u32>(0)[SPLATS].min(64 * call.groups) as usize;
     let tile_counts = call.get::<u32>(1);
     let (means, quats, scales) = (call.get::<[f32; 3]>(2), call.get::<[f32; 4]>(3), call.get::<[f32; 3]>(4));

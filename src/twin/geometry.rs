@@ -1,7 +1,7 @@
 //! Twins of `glsl/geometry_depth.comp` and `glsl/geometry_grad.comp`, and the loss by its definition.
 
 use super::loss::{counting, unpack};
-use super::place::{Mask, Place};
+use super::place::{ByteMask, MapPosition};
 use super::{Real, TwinCall, vec3};
 use crate::pass::geometry::{PIXELS, Push, parts};
 
@@ -29,7 +29,7 @@ pub struct Scene<'a, R> {
     /// The prior, packed by [`crate::pass::geometry::pack_prior`].
     pub prior: &'a [[u32; 2]],
     /// The mask of pixels to leave out, where there is one.
-    pub mask: Option<Mask<'a>>,
+    pub mask: Option<ByteMask<'a>>,
 }
 
 /// Brightness of a colour.
@@ -89,8 +89,8 @@ impl<R: Real> Scene<'_, R> {
         (self.counts[k] && opacity > R::of(OPAQUE) && is_depth(depth)).then_some(depth)
     }
 
-    fn prior_place(&self, k: usize) -> Place<R> {
-        Place::of(self.at(k), self.size(), [self.push.prior_width as usize, self.push.prior_height as usize])
+    fn prior_place(&self, k: usize) -> MapPosition<R> {
+        MapPosition::of(self.at(k), self.size(), [self.push.prior_width as usize, self.push.prior_height as usize])
     }
 
     fn prior_at(&self, [x, y]: [usize; 2]) -> (R, u32) {
@@ -277,7 +277,7 @@ pub fn run_depth(call: &mut TwinCall<'_>) {
     let (target, bits) = (call.get::<u32>(2), call.constants[1]);
     let prior = call.get::<[u32; 2]>(3);
     let bytes = call.get::<u8>(4);
-    let mask = Mask { bytes: &bytes, size: [push.mask_width as usize, push.mask_height as usize] };
+    let mask = ByteMask { bytes: &bytes, size: [push.mask_width as usize, push.mask_height as usize] };
     let scene = Scene::<f32> {
         push,
         edges: 0,

@@ -2,7 +2,7 @@
 
 use super::geometry::{LUMA, luma};
 use super::loss::{counting, unpack};
-use super::place::Mask;
+use super::place::ByteMask;
 use super::{Real, TwinCall};
 use crate::pass::gradient_map::{PIXELS, Push, WINDOW_SIDE, parts, windows};
 
@@ -23,7 +23,7 @@ pub struct Scene<'a, R> {
     /// Whether each pixel counts: those that are not masked.
     pub counts: Vec<bool>,
     /// The texture mask, where there is one.
-    pub mask: Option<Mask<'a>>,
+    pub mask: Option<ByteMask<'a>>,
 }
 
 /// The correlation r of a window of weight m, and the derivatives m dr/da of its pixels.
@@ -204,7 +204,7 @@ pub fn run_sobel(call: &mut TwinCall<'_>) {
 pub fn run_windows(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let bytes = call.get::<u8>(0);
-    let mask = Mask { bytes: &bytes, size: [push.mask_width as usize, push.mask_height as usize] };
+    let mask = ByteMask { bytes: &bytes, size: [push.mask_width as usize, push.mask_height as usize] };
     let mask = (call.constants[0] != 0).then_some(mask);
     let scene = Scene::<f32> { push, variation: false, image: Vec::new(), photo: Vec::new(), counts: Vec::new(), mask };
     let mut maps = call.get::<[f32; 4]>(1);

@@ -4,7 +4,7 @@ use super::Real;
 
 /// The position of an image's pixel in a map of another size that covers the same view.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place<R> {
+pub struct MapPosition<R> {
     /// Pixel of the map at or before the position.
     pub low: [usize; 2],
     /// The next pixel.
@@ -15,7 +15,7 @@ pub struct Place<R> {
     pub nearest: [usize; 2],
 }
 
-impl<R: Real> Place<R> {
+impl<R: Real> MapPosition<R> {
     /// The position of pixel `at` of an image of `size` pixels in a map of `map` pixels.
     pub fn of(at: [usize; 2], size: [usize; 2], map: [usize; 2]) -> Self {
         let axis = |k: usize| {
@@ -39,29 +39,29 @@ impl<R: Real> Place<R> {
 
 /// A mask of bytes, row after row.
 #[derive(Clone, Copy, Debug)]
-pub struct Mask<'a> {
+pub struct ByteMask<'a> {
     /// Values from 0 to 255.
     pub bytes: &'a [u8],
     /// Width and height.
     pub size: [usize; 2],
 }
 
-impl Mask<'_> {
+impl ByteMask<'_> {
     /// The mask from 0 to 1 at a pixel of an image of `size` pixels.
     pub fn at<R: Real>(&self, at: [usize; 2], size: [usize; 2]) -> R {
         let byte = |[x, y]: [usize; 2]| R::of(f64::from(self.bytes[y * self.size[0] + x]));
-        Place::of(at, size, self.size).between(byte) / R::of(255.0)
+        MapPosition::of(at, size, self.size).between(byte) / R::of(255.0)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Mask, Place};
+    use super::{ByteMask, MapPosition};
 
     #[test]
     fn a_map_of_the_same_size_is_met_at_its_pixels() {
         for at in [[0, 0], [4, 2], [6, 4]] {
-            let place = Place::<f64>::of(at, [7, 5], [7, 5]);
+            let place = MapPosition::<f64>::of(at, [7, 5], [7, 5]);
             assert_eq!((place.low, place.share, place.nearest), (at, [0.0; 2], at));
         }
     }
@@ -70,14 +70,14 @@ mod tests {
     fn centres_lie_on_centres_whatever_the_sizes() {
         for (size, map) in [([12, 9], [5, 4]), ([5, 4], [12, 9]), ([8, 8], [4, 2]), ([3, 3], [1, 1])] {
             for x in 0..size[0] {
-                let place = Place::<f64>::of([x, 1], size, map);
+                let place = MapPosition::<f64>::of([x, 1], size, map);
                 let wanted = ((x as f64 + 0.5) * map[0] as f64 / size[0] as f64 - 0.5).clamp(0.0, map[0] as f64 - 1.0);
                 assert!((place.between(|[x, _]| x as f64) - wanted).abs() < 1e-12, "{x} of {size:?} in {map:?}");
                 let center = (x as f64 + 0.5) * map[0] as f64 / size[0] as f64;
                 assert_eq!(place.nearest[0], (center + 1e-9).floor() as usize);
             }
         }
-        let mask = Mask { bytes: &[0, 255], size: [2, 1] };
+        let mask = ByteMask { bytes: &[0, 255], size: [2, 1] };
         assert_eq!([0, 1, 2, 3].map(|x| mask.at::<f64>([x, 0], [4, 1])), [0.0, 0.25, 0.75, 1.0]);
     }
 }

@@ -1,7 +1,7 @@
 //! Twin of `glsl/project.comp`.
 
 use super::projection::{self, Ewa};
-use super::splat::{Splat, View, model_of, model_of_halves};
+use super::splat::{Splat, TwinCamera, model_of, model_of_halves};
 use super::{Real, TwinCall, vec3};
 use crate::pass::camera::CameraPush;
 use crate::pass::counters;
@@ -53,18 +53,22 @@ pub enum Culled {
 }
 
 /// The camera-frame position of a splat's centre.
-pub fn to_camera<R: Real>(view: &View<R>, mean: [R; 3]) -> [R; 3] {
+pub fn to_camera<R: Real>(view: &TwinCamera<R>, mean: [R; 3]) -> [R; 3] {
     std::array::from_fn(|k| vec3::dot(view.rotation[k], mean) + view.translation[k])
 }
 
 /// The camera-frame centre of a splat and its projected covariance.
-pub fn geometry<R: Real>(splat: &Splat<R>, view: &View<R>) -> ([R; 3], Ewa<R>) {
+pub fn geometry<R: Real>(splat: &Splat<R>, view: &TwinCamera<R>) -> ([R; 3], Ewa<R>) {
     let p = to_camera(view, splat.mean);
     (p, projection::project(view, p, splat.quat, splat.log_scale))
 }
 
 /// Projects one splat. Without a grid, splats off screen are not culled and tiles are not counted.
-pub fn project<R: Real>(splat: &Splat<R>, view: &View<R>, grid: Option<&TileGrid>) -> Result<Projected<R>, Culled> {
+pub fn project<R: Real>(
+    splat: &Splat<R>,
+    view: &TwinCamera<R>,
+    grid: Option<&TileGrid>,
+) -> Result<Projected<R>, Culled> {
     let finite = |values: &[R]| values.iter().all(|v| v.is_finite());
     let known = finite(&splat.mean) && finite(&splat.quat) && finite(&splat.log_scale) && splat.logit.is_finite();
     if !known {
@@ -103,7 +107,7 @@ pub fn project<R: Real>(splat: &Splat<R>, view: &View<R>, grid: Option<&TileGrid
 }
 
 /// Direction from the camera centre to the splat, and the distance.
-pub(super) fn direction<R: Real>(splat: &Splat<R>, view: &View<R>) -> ([R; 3], R) {
+pub(super) fn direction<R: Real>(splat: &Splat<R>, view: &TwinCamera<R>) -> ([R; 3], R) {
     let offset = vec3::sub(splat.mean, view.center);
     let distance = vec3::dot(offset, offset).sqrt();
     (offset.map(|v| v / distance), distance)
@@ -121,7 +125,7 @@ pub fn run_half(call: &mut TwinCall<'_>) {
 
 fn run_with(call: &mut TwinCall<'_>, model_of: fn(&TwinCall<'_>, usize, usize) -> Gaussians) {
     let push: CameraPush = call.push();
-    let view = View::<f32>::of(&push);
+    let view = TwinCamera::<f32>::of(&push);
     let mut counts = call.get::<u32>(0);
     let n = (call.groups as usize * 64).min(counts[counters::SPLATS] as usize);
     let full = counters::full_rows(&counts);

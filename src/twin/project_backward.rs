@@ -1,7 +1,7 @@
 //! Twin of `glsl/project_backward.comp`.
 
 use super::projection;
-use super::splat::{Splat, View, model_of};
+use super::splat::{Splat, TwinCamera, model_of};
 use super::{Real, TwinCall, project, vec3};
 use crate::pass::camera::CameraPush;
 use crate::pass::counters;
@@ -20,7 +20,7 @@ pub struct Grad2d<R> {
 
 /// Gradients of the 59 parameters of a splat that is on the image with colour `colour` (0 where it was clamped; see
 /// [`crate::pass::camera::Projection::black_learns`]).
-pub fn project_backward<R: Real>(splat: &Splat<R>, view: &View<R>, colour: [R; 3], g: &Grad2d<R>) -> Splat<R> {
+pub fn project_backward<R: Real>(splat: &Splat<R>, view: &TwinCamera<R>, colour: [R; 3], g: &Grad2d<R>) -> Splat<R> {
     let o = R::zero();
     let (p, e) = project::geometry(splat, view);
     let passes = |c: usize| colour[c] > o || view.black_learns && g.row[6 + c] < o;
@@ -82,7 +82,7 @@ pub fn shrink<R: Real>(gradient: &mut Splat<R>, sh: &[[R; 3]; 16], degree: u32, 
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
     let push: CameraPush = call.push();
-    let view = View::<f32>::of(&push);
+    let view = TwinCamera::<f32>::of(&push);
     let n = (call.groups as usize * 64).min(call.get::<u32>(0)[counters::SPLATS] as usize);
     let model = model_of(call, 1, n);
     let splat2d = call.get::<[f32; 12]>(9);

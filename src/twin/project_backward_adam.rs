@@ -1,8 +1,8 @@
 //! Twin of `glsl/project_backward_adam.comp`.
 
-use super::adam::{Element, LARGEST_GRADIENT, Missed, adam, catch_up, decay};
+use super::adam::{Element, LARGEST_GRADIENT, MissedSteps, adam, catch_up, decay};
 use super::project_backward::{Grad2d, flatten, project_backward, shrink};
-use super::splat::{PARAMETERS, Splat, View};
+use super::splat::{PARAMETERS, Splat, TwinCamera};
 use super::{Real, TwinCall};
 use crate::pass::adam::Push as AdamPush;
 use crate::pass::camera::{ANTIALIAS, BLACK_LEARNS, REFERENCE_CLAMP};
@@ -13,7 +13,7 @@ use crate::twin::splat::model_of;
 
 /// A splat with the moments of its parameters.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stepped<R> {
+pub struct SplatState<R> {
     /// Parameters.
     pub splat: Splat<R>,
     /// First moments.
@@ -23,10 +23,10 @@ pub struct Stepped<R> {
 }
 
 /// The camera of the push constants; fields that the backward does not use are zero.
-pub fn view<R: Real>(push: &Push) -> View<R> {
+pub fn view<R: Real>(push: &Push) -> TwinCamera<R> {
     let r = |x: f32| R::of(f64::from(x));
     let rows = [push.row0, push.row1, push.row2];
-    View {
+    TwinCamera {
         rotation: rows.map(|row| [r(row[0]), r(row[1]), r(row[2])]),
         translation: rows.map(|row| r(row[3])),
         center: push.center.map(r),
@@ -70,7 +70,7 @@ pub(super) fn touched(constants: &[u32], full: bool) -> usize {
 }
 
 /// One step of one splat with the gradients of its parameters (zeros for a culled splat).
-pub fn step<R: Real>(push: &Push, constants: &[u32], state: &Stepped<R>, gradient: &Splat<R>) -> Stepped<R> {
+pub fn step<R: Real>(push: &Push, constants: &[u32], state: &SplatState<R>, gradient: &Splat<R>) -> SplatState<R> {
     step_of(push, constants, state, gradient, Pace::default(), true)
 }
 
@@ -78,10 +78,10 @@ pub fn step<R: Real>(push: &Push, constants: &[u32], state: &Stepped<R>, gradien
 pub fn step_after<R: Real>(
     push: &Push,
     constants: &[u32],
-    state: &Stepped<R>,
+    state: &SplatState<R>,
     gradient: &Splat<R>,
     pace: Pace,
-) -> Stepped<R> {
+) -> SplatState<R> {
     step_of(push, constants, state, gradient, pace, true)
 }
 
@@ -89,11 +89,11 @@ pub fn step_after<R: Real>(
 pub(super) fn step_of<R: Real>(
     push: &Push,
     constants: &[u32],
-    state: &Stepped<R>,
+    state: &SplatState<R>,
     gradient: &Splat<R>,
     pace: Pace,
     full: bool,
-) -> Stepped<R> {
+) -> SplatState<R> {
     let (g, mut params) = (gradient.to_array(), state.splat.to_array());
     let (mut first, mut second) = (state.first.to_array(), state.second.to_array());
     for k in (0..PARAMETERS).filter(|&k| k < touched(constants, full) && (k != 10 || push.flags & STEPS_OPACITIES != 0))
@@ -106,7 +106,7 @@ pub(super) fn step_of<R: Real>(
             continue;
         }
         let parts = |count: u32| R::of(f64::from(count)) * part::<R>(&numbers);
-        let mut missed = Missed::steps(&numbers, pace.missed);
+        let mut missed = MissedSteps::steps(&numbers, pace.missed);
         missed.moved -= parts(pace.advanced);
         catch_up(&numbers, &missed, lr, element.reborrowed());
         if constants[CATCHES_UP] == 0 {
@@ -115,7 +115,11 @@ pub(super) fn step_of<R: Real>(
             adam(&numbers, (R::one() + parts(pace.advance)) * lr, g, element);
         }
     }
-    Stepped { splat: Splat::from_array(&params), first: Splat::from_array(&first), second: Splat::from_array(&second) }
+    SplatState {
+        splat: Splat::from_array(&params),
+        first: Splat::from_array(&first),
+        second: Splat::from_array(&second),
+    }
 }
 
 /// Index of `LISTED` among the pass's constants.
@@ -154,7 +158,7 @@ impl Pace {
             return None;
         }
         let (numbers, _) = of_parameter(push, constants, 0);
-        let parts = Missed::<f32>::steps(&numbers, missed).moved / part::<f32>(&numbers);
+        let parts = MissedSteps::<f32>::steps(&numbers, missed).moved / part::<f32>(&numbers);
         let before = advanced as f32;
         let expected = if advanced == 0 { parts } else { before + LATEST * (parts - before) };
         let advance = if catches_up { 0 } else { (expected + 0.5).floor() as u32 };
@@ -200,7 +204,7 @@ pub(super) struct Inputs {
     catches_up: bool,
     /// Rows from this index on have harmonics up to degree 1 only.
     pub(super) full: usize,
-    view: View<f32>,
+    view: TwinCamera<f32>,
     splat2d: Vec<[f32; 12]>,
     on_image: Vec<u32>,
     grad2d: Vec<[f32; 12]>,
@@ -273,7 +277,7 @@ pub fn run(call: &mut TwinCall<'_>) {
     for (i, pace) in steppers(call, &inputs, 29) {
         let [splat, first, second] = std::array::from_fn(|k| Splat::<f32>::of(&planes[k], i));
         let gradient = inputs.gradient(i, &splat);
-        let state = Stepped { splat, first, second };
+        let state = SplatState { splat, first, second };
         let after = step_of(&push, call.constants, &state, &gradient, pace, i < inputs.full);
         for (values, plane) in [after.splat, after.first, after.second].iter().zip(&mut planes) {
             values.store(plane, i);

@@ -3,7 +3,7 @@
 use half::f16;
 
 use super::TwinCall;
-use super::project_backward_adam::{Inputs, Stepped, set_planes, step_of, steppers, touched};
+use super::project_backward_adam::{Inputs, SplatState, set_planes, step_of, steppers, touched};
 use super::random;
 use super::splat::{PARAMETERS, Splat, model_of};
 use crate::pass::project_backward_adam::{Push, STEP_SHIFT, STEPS_OPACITIES};
@@ -51,7 +51,7 @@ pub fn run(call: &mut TwinCall<'_>) {
     for (i, pace) in steppers(call, &inputs, 21) {
         let (splat, packed) = (Splat::<f32>::of(&model, i), Splat::<f32>::of(&words, i).to_array());
         let moments = packed.map(|word| unpack(word.to_bits()));
-        let state = Stepped {
+        let state = SplatState {
             first: Splat::from_array(&moments.map(|m| m.0)),
             second: Splat::from_array(&moments.map(|m| m.1)),
             splat,

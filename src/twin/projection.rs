@@ -1,6 +1,6 @@
 //! Twin of `glsl/include/projection.glsl`: EWA projection in product form and its derivative.
 
-use super::splat::View;
+use super::splat::TwinCamera;
 use super::{Real, vec3};
 
 const DILATION: f64 = 0.3;
@@ -86,7 +86,7 @@ pub struct Ewa<R> {
 }
 
 /// Projects a covariance at camera-frame position `p`.
-pub fn project<R: Real>(view: &View<R>, p: [R; 3], quat: [R; 4], log_scale: [R; 3]) -> Ewa<R> {
+pub fn project<R: Real>(view: &TwinCamera<R>, p: [R; 3], quat: [R; 4], log_scale: [R; 3]) -> Ewa<R> {
     let rot = rotation(quat);
     let scale = log_scale.map(R::exp);
     let u = view.rotation.map(|w| vec3::mul(vec3::combine(w, rot.rows), scale));
@@ -139,7 +139,7 @@ pub struct EwaUpstream<R> {
 }
 
 /// The gradients with respect to the projection's inputs, at depth `z`, from the gradients with respect to its results.
-pub fn backward<R: Real>(view: &View<R>, e: &Ewa<R>, z: R, upstream: &EwaUpstream<R>) -> EwaGrad<R> {
+pub fn backward<R: Real>(view: &TwinCamera<R>, e: &Ewa<R>, z: R, upstream: &EwaUpstream<R>) -> EwaGrad<R> {
     let EwaUpstream { conic: g_conic, compensation: g_compensation, axis, of_axis: g_axis } = *upstream;
     let (half, two) = (R::of(0.5), R::of(2.0));
     let x = [vec3::cross(e.m[1], e.n), vec3::cross(e.n, e.m[0])];
@@ -197,7 +197,7 @@ pub fn shortest_axis<R: Real>(s: [R; 3]) -> usize {
 }
 
 /// The camera-frame normal (a column of R turned towards the camera) and its side, 1 or -1.
-pub fn normal<R: Real>(view: &View<R>, p: [R; 3], rot: &Rotation<R>, axis: usize) -> ([R; 3], R) {
+pub fn normal<R: Real>(view: &TwinCamera<R>, p: [R; 3], rot: &Rotation<R>, axis: usize) -> ([R; 3], R) {
     let column = [rot.rows[0][axis], rot.rows[1][axis], rot.rows[2][axis]];
     let n = view.rotation.map(|w| vec3::dot(w, column));
     let side = if vec3::dot(n, p) > R::zero() { -R::one() } else { R::one() };

@@ -1,7 +1,7 @@
 //! Twin of `glsl/saliency_plane.comp`.
 
 use super::TwinCall;
-use super::place::Mask;
+use super::place::ByteMask;
 use crate::pass::saliency_plane::Push;
 
 /// Adapter over raw buffers.
@@ -10,7 +10,7 @@ pub fn run(call: &mut TwinCall<'_>) {
     let (size, mask_size) = ([push.width, push.of_height], [push.mask_width, push.mask_height]);
     let [size, mask_size] = [size, mask_size].map(|s| s.map(|v| v as usize));
     let bytes = call.get::<u8>(0);
-    let mask = Mask { bytes: &bytes, size: mask_size };
+    let mask = ByteMask { bytes: &bytes, size: mask_size };
     let mut saliency = call.get::<f32>(1);
     let pixels = (push.width as usize * push.height as usize).min(64 * call.groups as usize);
     for (k, value) in saliency.iter_mut().enumerate().take(pixels) {

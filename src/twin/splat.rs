@@ -89,7 +89,7 @@ impl<R: Real> Splat<R> {
 
 /// A camera with the settings of the projection.
 #[derive(Clone, Debug)]
-pub struct View<R> {
+pub struct TwinCamera<R> {
     /// Rotation from the scene to the camera frame, row-major.
     pub rotation: [[R; 3]; 3],
     /// Translation from the scene to the camera frame.
@@ -116,7 +116,7 @@ pub struct View<R> {
     pub black_learns: bool,
 }
 
-impl<R: Real> View<R> {
+impl<R: Real> TwinCamera<R> {
     /// The camera for a row of a model: a row that is not `full` has harmonics up to degree 1 only.
     pub fn of_row(&self, full: bool) -> Self
     where

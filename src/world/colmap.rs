@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{TiePoint, View};
+use super::{TiePoint, WorldView};
 use crate::dataset::lens::Lens;
 use crate::scene::Camera;
 
@@ -30,7 +30,7 @@ pub(super) fn write_camera(out: &mut dyn Write, camera: &Camera, lens: Option<(&
 }
 
 /// `images.bin`: view k is image k + 1, with its reconstructed pose. Observations follow the order of the points.
-pub(super) fn write_images(out: &mut dyn Write, views: &[View], points: &[TiePoint]) -> io::Result<()> {
+pub(super) fn write_images(out: &mut dyn Write, views: &[WorldView], points: &[TiePoint]) -> io::Result<()> {
     let mut seen = vec![Vec::new(); views.len()];
     for (number, point) in points.iter().enumerate() {
         for &(view, pixel) in &point.track {

@@ -8,7 +8,7 @@ use crate::scene::random::Random;
 
 /// A photograph's name and camera.
 #[derive(Clone, Debug, PartialEq)]
-pub struct View {
+pub struct WorldView {
     /// File name within `images/`.
     pub name: String,
     /// True camera of the undistorted image in world coordinates (metres, z up).
@@ -17,7 +17,7 @@ pub struct View {
     pub reconstructed: Camera,
 }
 
-impl View {
+impl WorldView {
     /// The name of the view's file with another extension.
     pub fn file(&self, extension: &str) -> String {
         let stem = self.name.rsplit_once('.').map_or(self.name.as_str(), |(stem, _)| stem);
@@ -52,7 +52,7 @@ pub(super) fn aim(params: &WorldParams, eye: DVec3, forward: DVec3, right: DVec3
 
 /// A serpentine of nadir views over the site, then oblique views from around the site that look inwards. Positions,
 /// headings and tilts vary a little, as in a real flight. `ground` gives the height to keep above.
-pub(super) fn plan(params: &WorldParams, ground: impl Fn(f64, f64) -> f64) -> Vec<View> {
+pub(super) fn plan(params: &WorldParams, ground: impl Fn(f64, f64) -> f64) -> Vec<WorldView> {
     let mut random = Random::stream(params.seed, 9);
     let nadir = (f64::from(params.images) * params.nadir_share).round() as u32;
     let oblique = params.images - nadir.min(params.images);
@@ -89,7 +89,11 @@ pub(super) fn plan(params: &WorldParams, ground: impl Fn(f64, f64) -> f64) -> Ve
         cameras.push(aim(params, eye, forward, forward.cross(DVec3::Z)));
     }
     let extension = if params.effects.jpeg_quality == 0 { "png" } else { "jpg" };
-    cameras.into_iter().enumerate().map(|(k, camera)| View::new(format!("view_{k:04}.{extension}"), camera)).collect()
+    cameras
+        .into_iter()
+        .enumerate()
+        .map(|(k, camera)| WorldView::new(format!("view_{k:04}.{extension}"), camera))
+        .collect()
 }
 
 /// Views from positions without a photograph, at half the height of the flight: alternately straight down, and at 45
@@ -99,7 +103,7 @@ pub(super) fn plan_offpath(
     params: &WorldParams,
     ground: impl Fn(f64, f64) -> f64,
     nearest: impl Fn(&Camera) -> f64,
-) -> Vec<View> {
+) -> Vec<WorldView> {
     const TRIES: u32 = 40;
     let height = 0.5 * params.altitude * params.extent;
     let view = |k: u32| {
@@ -119,7 +123,7 @@ pub(super) fn plan_offpath(
                 break;
             }
         }
-        best.map(|(_, camera)| View::new(format!("off_{k:04}.png"), camera))
+        best.map(|(_, camera)| WorldView::new(format!("off_{k:04}.png"), camera))
     };
     (0..params.offpath).filter_map(view).collect()
 }

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::surface::Sample;
+use super::surface::Appearance;
 
 /// A sun with parallel rays and a sky that is a vertical gradient.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +32,7 @@ impl Light {
     }
 
     /// Radiance that leaves a surface towards the viewer; `view` points from the viewer to the surface.
-    pub(crate) fn shade(&self, sample: &Sample, view: DVec3, lit: bool) -> Vec3 {
+    pub(crate) fn shade(&self, sample: &Appearance, view: DVec3, lit: bool) -> Vec3 {
         let n = sample.normal;
         let sun = if lit { n.dot(self.sun).max(0.0) as f32 } else { 0.0 };
         let up = (0.5 + 0.5 * n.z) as f32;

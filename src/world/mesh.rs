@@ -10,7 +10,7 @@ impl World {
     /// The ground and all solids. Faces of polyhedra and of the ground are exact; curved shapes are approximated by
     /// flat pieces within 5 % of the shape's radius.
     pub fn mesh(&self) -> Mesh {
-        let mut parts = Parts::default();
+        let mut parts = MeshBuilder::default();
         parts.add_terrain(&self.terrain);
         let sphere = unit_sphere();
         for solid in &self.solids {
@@ -22,9 +22,9 @@ impl World {
 
 /// A mesh under construction.
 #[derive(Default)]
-struct Parts(Mesh);
+struct MeshBuilder(Mesh);
 
-impl Parts {
+impl MeshBuilder {
     /// Adds corners and the triangles between them.
     fn add(&mut self, vertices: impl IntoIterator<Item = DVec3>, triangles: impl IntoIterator<Item = [u32; 3]>) {
         let first = self.0.vertices.len() as u32;

@@ -2,8 +2,8 @@
 //! world is photographed from a nadir flight and from oblique views around it, scanned by a laser scanner, and written
 //! as a COLMAP dataset with its ground truth.
 //!
-//! The camera of a [`View`] is that of the undistorted image. Photographs may be taken through a lens with distortion,
-//! whose undistorted image is exactly that of the view's camera. All ground truth is for the pixels of undistorted
+//! The camera of a [`WorldView`] is that of the undistorted image. Photographs may be taken through a lens with
+//! distortion, whose undistorted image is exactly that of the view's camera. All ground truth is for the pixels of undistorted
 //! images.
 //!
 //! World coordinates are metres, x east, y north, z up. [`WorldParams`], seed included, determine everything.
@@ -27,12 +27,12 @@ mod tie_points;
 
 pub use effects::{Effect, Effects};
 pub use error::WorldError;
-pub use flight::View;
+pub use flight::WorldView;
 pub use geometry::{Bounds, Face, Hit, Ray, Shape, Solid, Surface, Terrain};
 pub use lidar::{Class, LidarPoint};
 pub use output::{Progress, Stage, Summary, generate};
 pub use params::{CameraKind, LidarParams, WorldParams};
-pub use photograph::{Shot, Truth};
+pub use photograph::{RenderedView, Truth};
 pub use tie_points::TiePoint;
 
 use glam::{DVec3, Vec3};
@@ -43,7 +43,7 @@ use geometry::Bvh;
 use light::Light;
 use optics::Optics;
 use site::Site;
-use surface::{GroundMap, Sample};
+use surface::{Appearance, GroundMap};
 
 /// Offset of shadow rays from the surface, metres.
 const SKIN: f64 = 1e-4;
@@ -57,9 +57,9 @@ pub struct World {
     ground: GroundMap,
     light: Light,
     optics: Option<Optics>,
-    views: Vec<View>,
+    views: Vec<WorldView>,
     exposures: Vec<f64>,
-    offpath: Vec<View>,
+    offpath: Vec<WorldView>,
 }
 
 impl World {
@@ -118,7 +118,7 @@ impl World {
     }
 
     /// The views of the photographs, in the order of their names.
-    pub fn views(&self) -> &[View] {
+    pub fn views(&self) -> &[WorldView] {
         &self.views
     }
 
@@ -133,7 +133,7 @@ impl World {
     }
 
     /// Views from positions without a photograph, in the order of their names.
-    pub fn offpath(&self) -> &[View] {
+    pub fn offpath(&self) -> &[WorldView] {
         &self.offpath
     }
 
@@ -162,7 +162,7 @@ impl World {
             || self.terrain.enter(&ray, 0.0, f64::INFINITY).is_some()
     }
 
-    fn appearance(&self, point: DVec3, hit: &Hit) -> Sample {
+    fn appearance(&self, point: DVec3, hit: &Hit) -> Appearance {
         match hit.surface {
             Surface::Terrain => self.ground.sample(point.truncate(), self.terrain.smooth_normal(point.x, point.y)),
             Surface::Solid { index, face } => {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
 
-use super::{Truth, View, World, WorldError, WorldParams, colmap, lidar};
+use super::{Truth, World, WorldError, WorldParams, WorldView, colmap, lidar};
 use crate::format::{atomic, image_out};
 
 /// The file with the parameters.
@@ -207,7 +207,7 @@ impl Tree {
         Ok(tree)
     }
 
-    fn write_truth(&self, view: &View, truth: &Truth) -> Result<(), WorldError> {
+    fn write_truth(&self, view: &WorldView, truth: &Truth) -> Result<(), WorldError> {
         let (width, height) = (view.camera.width, view.camera.height);
         image_out::write_depth(&self.depth.join(view.file("exr")), width, height, &truth.depth)?;
         image_out::write_normals(&self.normal.join(view.file("exr")), width, height, &truth.normals)?;

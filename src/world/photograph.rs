@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::light::develop;
 use super::noise::cell;
 use super::optics::Optics;
-use super::{Ray, View, World};
+use super::{Ray, World, WorldView};
 use crate::scene::Camera;
 use crate::scene::random::Random;
 
@@ -17,7 +17,7 @@ const CONTRAST: f32 = 0.06;
 
 /// The photograph and the ground truth of a view.
 #[derive(Clone, Debug)]
-pub struct Shot {
+pub struct RenderedView {
     /// The photograph: through the lens, with exposure and noise.
     pub photograph: RgbImage,
     /// The undistorted image with the nominal exposure and without noise.
@@ -36,7 +36,7 @@ pub struct Truth {
 }
 
 /// Mean radiance of each pixel, and the surface that the ray through its centre hits.
-struct Exposed {
+struct RadianceImage {
     size: (u32, u32),
     radiance: Vec<Vec3>,
     truth: Truth,
@@ -44,12 +44,12 @@ struct Exposed {
 
 /// A camera with its lens, which gives the rays of an image's samples.
 #[derive(Clone, Copy)]
-struct Taking<'a> {
+struct CameraRays<'a> {
     camera: &'a Camera,
     optics: Option<&'a Optics>,
 }
 
-impl Taking<'_> {
+impl CameraRays<'_> {
     fn size(&self) -> (u32, u32) {
         self.optics.map_or((self.camera.width, self.camera.height), |o| (o.lens.size[0], o.lens.size[1]))
     }
@@ -89,37 +89,37 @@ impl World {
 
     /// A photograph of a pinhole camera and its depth. `number` selects the photograph's exposure and noise.
     pub fn photograph(&self, camera: &Camera, number: u32) -> (RgbImage, Vec<f32>) {
-        let exposed = self.expose(Taking { camera, optics: None });
+        let exposed = self.expose(CameraRays { camera, optics: None });
         (self.developed(&exposed, self.exposure(number), Some(number)), exposed.truth.depth)
     }
 
     /// The image of a pinhole camera with the nominal exposure and without noise, and its ground truth.
     pub fn clean(&self, camera: &Camera) -> (RgbImage, Truth) {
-        let exposed = self.expose(Taking { camera, optics: None });
+        let exposed = self.expose(CameraRays { camera, optics: None });
         (self.developed(&exposed, 1.0, None), exposed.truth)
     }
 
     /// Photograph, clean image and ground truth of a view; `number` selects the photograph's exposure and noise.
-    pub fn shot(&self, view: &View, number: u32) -> Shot {
-        let straight = self.expose(Taking { camera: &view.camera, optics: None });
+    pub fn shot(&self, view: &WorldView, number: u32) -> RenderedView {
+        let straight = self.expose(CameraRays { camera: &view.camera, optics: None });
         let clean = self.developed(&straight, 1.0, None);
         let gain = self.exposure(number);
         let photograph = match &self.optics {
             None => self.developed(&straight, gain, Some(number)),
             Some(optics) => {
-                let bent = self.expose(Taking { camera: &view.camera, optics: Some(optics) });
+                let bent = self.expose(CameraRays { camera: &view.camera, optics: Some(optics) });
                 self.developed(&bent, gain, Some(number))
             }
         };
-        Shot { photograph, clean, truth: straight.truth }
+        RenderedView { photograph, clean, truth: straight.truth }
     }
 
     /// The ray through a point of a view's photograph.
-    pub(super) fn photograph_ray(&self, view: &View, x: f64, y: f64) -> Option<Ray> {
-        Taking { camera: &view.camera, optics: self.optics.as_ref() }.ray((x as u32, y as u32), x, y)
+    pub(super) fn photograph_ray(&self, view: &WorldView, x: f64, y: f64) -> Option<Ray> {
+        CameraRays { camera: &view.camera, optics: self.optics.as_ref() }.ray((x as u32, y as u32), x, y)
     }
 
-    fn expose(&self, taking: Taking<'_>) -> Exposed {
+    fn expose(&self, taking: CameraRays<'_>) -> RadianceImage {
         let (width, height) = taking.size();
         let rotation = taking.camera.rotation.map(DVec3::from_array);
         let mut radiance = vec![Vec3::ZERO; (width * height) as usize];
@@ -133,12 +133,12 @@ impl World {
             }
         });
         let (depth, normals) = pixels.into_iter().unzip();
-        Exposed { size: (width, height), radiance, truth: Truth { depth, normals } }
+        RadianceImage { size: (width, height), radiance, truth: Truth { depth, normals } }
     }
 
     /// Converts radiance to an 8-bit image, with a gain and, where `number` is given, with the noise of that
     /// photograph.
-    fn developed(&self, exposed: &Exposed, gain: f64, number: Option<u32>) -> RgbImage {
+    fn developed(&self, exposed: &RadianceImage, gain: f64, number: Option<u32>) -> RgbImage {
         let noise = if number.is_some() { self.params().effects.sensor_noise } else { 0.0 };
         let seed = self.params().seed ^ (u64::from(number.unwrap_or(0)) << 20);
         let (width, height) = exposed.size;
@@ -161,7 +161,7 @@ impl World {
 
     /// Mean radiance over a pixel, and the depth and the world normal at its centre. The centre and the corners of the
     /// sampling grid come first; the other samples follow where the first five differ.
-    fn pixel(&self, taking: Taking<'_>, x: u32, y: u32) -> (Vec3, f32, DVec3) {
+    fn pixel(&self, taking: CameraRays<'_>, x: u32, y: u32) -> (Vec3, f32, DVec3) {
         let n = self.params().supersample as i32;
         let middle = n / 2;
         // Each pixel shifts the outer samples a little, which breaks up the regular grid's moire.

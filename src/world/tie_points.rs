@@ -5,7 +5,7 @@ use glam::{DMat3, DVec2, DVec3};
 use image::RgbImage;
 use rayon::prelude::*;
 
-use super::{Ray, View, World};
+use super::{Ray, World, WorldView};
 use crate::scene::Camera;
 use crate::scene::random::Random;
 
@@ -89,7 +89,7 @@ impl World {
     }
 
     /// Width and height of the photographs of a view.
-    fn photograph_size(&self, view: &View) -> [u32; 2] {
+    fn photograph_size(&self, view: &WorldView) -> [u32; 2] {
         self.lens().map_or([view.camera.width, view.camera.height], |lens| lens.size)
     }
 
@@ -105,7 +105,7 @@ impl World {
     }
 
     /// Sparse points from the spots of all photographs (in the order of `views`).
-    pub(super) fn tie_points(&self, views: &[View], spots: &[Vec<Option<Spot>>]) -> Vec<TiePoint> {
+    pub(super) fn tie_points(&self, views: &[WorldView], spots: &[Vec<Option<Spot>>]) -> Vec<TiePoint> {
         let Some(first) = views.first() else { return Vec::new() };
         let grid = Grid::new(self.params().pixels_per_point, self.photograph_size(first));
         let mut taken = vec![vec![false; grid.columns * grid.rows]; views.len()];
@@ -158,8 +158,8 @@ impl World {
     /// no check detects them.
     fn mismatched(
         &self,
-        views: &[View],
-        view: &View,
+        views: &[WorldView],
+        view: &WorldView,
         surface: DVec3,
         kept: &[(usize, DVec2)],
         seed: u64,
@@ -177,7 +177,13 @@ impl World {
 
     /// The surface point under a spot, and the photographs that see the point, with its exact position in each. No
     /// photographs for a surface without texture: only noise would match.
-    fn sightings(&self, views: &[View], number: usize, view: &View, spot: &Spot) -> (DVec3, Vec<(usize, DVec2)>) {
+    fn sightings(
+        &self,
+        views: &[WorldView],
+        number: usize,
+        view: &WorldView,
+        spot: &Spot,
+    ) -> (DVec3, Vec<(usize, DVec2)>) {
         let nothing = (DVec3::ZERO, Vec::new());
         let Some(ray) = self.photograph_ray(view, spot.pixel.x, spot.pixel.y) else { return nothing };
         let Some(hit) = self.trace(&ray) else { return nothing };
@@ -204,7 +210,7 @@ impl World {
 
     /// The point that minimises the squared reprojection error in the reconstructed cameras, by Gauss-Newton steps from
     /// a close start, and the mean error in pixels of the photographs.
-    fn triangulate(&self, views: &[View], observed: &[(usize, DVec2)], start: DVec3) -> Option<(DVec3, f64)> {
+    fn triangulate(&self, views: &[WorldView], observed: &[(usize, DVec2)], start: DVec3) -> Option<(DVec3, f64)> {
         let straight = |&(v, p): &(usize, DVec2)| match &self.optics {
             None => Some((v, p)),
             Some(optics) => optics.straighten(&views[v].camera, p).map(|p| (v, p)),
@@ -233,7 +239,7 @@ pub(crate) fn project(camera: &Camera, p: DVec3) -> Option<(DVec2, f64)> {
     (q.z > 1e-6).then_some((pixel, q.z))
 }
 
-fn intersection(views: &[View], observed: &[(usize, DVec2)], start: DVec3) -> DVec3 {
+fn intersection(views: &[WorldView], observed: &[(usize, DVec2)], start: DVec3) -> DVec3 {
     let mut x = start;
     for _ in 0..3 {
         let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
@@ -275,7 +281,7 @@ mod tests {
         let shots: Vec<_> = (0..).zip(world.views()).map(|(k, view)| world.shot(view, k).photograph).collect();
         let spots: Vec<_> = shots.iter().map(|photograph| world.spots(photograph)).collect();
         let points = world.tie_points(world.views(), &spots);
-        let is_plain = |view: &View, pixel: DVec2| {
+        let is_plain = |view: &WorldView, pixel: DVec2| {
             let ray = world.photograph_ray(view, pixel.x, pixel.y).unwrap();
             let hit = world.trace(&ray).unwrap();
             (world.appearance(ray.at(hit.t), &hit).plain, ray.at(hit.t))

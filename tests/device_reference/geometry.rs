@@ -93,7 +93,7 @@ fn wanted(case: &Case, known: &Known, weights: &GeometryWeights) -> ([f64; 4], [
         photo: unpack(&known.target, 8),
         counts: counting(&known.target, 8),
         prior: &known.prior,
-        mask: Some(place::Mask { bytes: &known.mask, size: [MASK.0 as usize, MASK.1 as usize] }),
+        mask: Some(place::ByteMask { bytes: &known.mask, size: [MASK.0 as usize, MASK.1 as usize] }),
     };
     let (map, counted): (Vec<_>, Vec<_>) = (0..pixels).map(|k| scene.depth_row(k)).unzip();
     let totals = sum_of_parts(&counted);

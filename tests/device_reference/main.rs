@@ -16,7 +16,7 @@ use psrgs_vk::raster::{self, GradientSum, Planes, RenderView, Renderer, Size, Ta
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::reference::{self, Image, ImageGradient, Settings};
-use psrgs_vk::twin::splat::{Splat, View};
+use psrgs_vk::twin::splat::{Splat, TwinCamera};
 use psrgs_vk::vk::{Gpu, Memory};
 
 const SHAPES: [TileShape; 2] = [TileShape::Column, TileShape::Pixel];
@@ -38,7 +38,7 @@ struct Case {
 }
 
 /// Ratio of the axes of the projected ellipse; 1 for a splat that is not seen.
-fn aspect(splat: &Splat<f64>, view: &View<f64>) -> f64 {
+fn aspect(splat: &Splat<f64>, view: &TwinCamera<f64>) -> f64 {
     let Ok(p) = project(splat, view, None) else { return 1.0 };
     let [a, b, c] = p.conic;
     let (middle, reach) = ((a + c) / 2.0, (((a - c) / 2.0).powi(2) + b * b).sqrt());
@@ -48,7 +48,7 @@ fn aspect(splat: &Splat<f64>, view: &View<f64>) -> f64 {
 fn case(size: (u32, u32), sh_degree: u32, antialias: bool, splats: usize, seed: u64) -> Case {
     let camera = rounded(camera(size.0, size.1));
     let projection = Projection { sh_degree, antialias, ..Projection::default() };
-    let view = View::<f64>::exact(&camera, &projection);
+    let view = TwinCamera::<f64>::exact(&camera, &projection);
     let mut random = seeded(seed);
     let mut model = Gaussians::zeros(splats);
     let mut before = None;

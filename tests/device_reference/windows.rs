@@ -3,7 +3,7 @@
 
 use psrgs_vk::pass::camera::{NEAR, Projection};
 use psrgs_vk::pass::counters;
-use psrgs_vk::perceptual::{Distance, GradientOf, Pair};
+use psrgs_vk::perceptual::{Distance, GradientOf, ImagePair};
 use psrgs_vk::raster::{GradientSum, GradientTerms, Planes, RenderView, Renderer, Size, Target, TileShape, Variants};
 use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::vk::{Gpu, Memory};
@@ -73,7 +73,7 @@ fn gradients(gpu: &Gpu, tile: TileShape, views: &Views, cropped: bool) -> ([Vec<
         let shot = if cropped { whole.window(AT[k], (SIDE, SIDE)) } else { whole };
         let lists = renderer.record_forward(&mut rec, &model, &shot, &target, false).unwrap();
         rec.fill(&grad_image, 0).unwrap();
-        let pair = Pair { image: &target.image, photograph, size: SIZE, at: AT[k], cropped };
+        let pair = ImagePair { image: &target.image, photograph, size: SIZE, at: AT[k], cropped };
         windows.record(&mut rec, &pair, Some(&GradientOf { image: &grad_image, weight: WEIGHT })).unwrap();
         renderer.record_blend_backward(&mut rec, &lists, &grad_image, &shot, &target).unwrap();
         let terms = GradientTerms { add: k > 0, ..GradientTerms::default() };

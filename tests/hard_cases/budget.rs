@@ -4,7 +4,7 @@ use psrgs_vk::pass::camera::CameraPush;
 use psrgs_vk::raster::Variants;
 use psrgs_vk::twin::Real;
 use psrgs_vk::twin::project::project;
-use psrgs_vk::twin::splat::{Splat, View};
+use psrgs_vk::twin::splat::{Splat, TwinCamera};
 
 use super::common;
 use super::common::splats::{camera, seeded, spread};
@@ -66,8 +66,8 @@ pub(crate) fn exponent<R: Real>(row: &[f64; 12], d: [f64; 2], plain: bool) -> f6
 /// Rows of the visible splats, front to back, each with its splat. Columns `taken` are projected in f32, all others in
 /// f64.
 pub(crate) fn rows(scene: &Scene, taken: &[usize]) -> Vec<(usize, [f64; 12])> {
-    let exact = View::<f64>::exact(&scene.shot.camera, &scene.shot.projection);
-    let rounded = View::<f32>::of(&CameraPush::new(&scene.shot.camera, &scene.shot.projection));
+    let exact = TwinCamera::<f64>::exact(&scene.shot.camera, &scene.shot.projection);
+    let rounded = TwinCamera::<f32>::of(&CameraPush::new(&scene.shot.camera, &scene.shot.projection));
     let mut rows: Vec<(usize, [f64; 12])> = (0..scene.model.len())
         .filter_map(|i| {
             let mut row = project(&scene.splats[i], &exact, None).ok()?.row();

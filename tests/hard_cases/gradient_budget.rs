@@ -5,7 +5,7 @@ use psrgs_vk::raster::Variants;
 use psrgs_vk::twin::Real;
 use psrgs_vk::twin::project_backward::{Grad2d, project_backward};
 use psrgs_vk::twin::reference::Gradients;
-use psrgs_vk::twin::splat::{Splat, View};
+use psrgs_vk::twin::splat::{Splat, TwinCamera};
 
 use super::budget::{exponent, rows, scenes, single};
 use super::common;
@@ -233,8 +233,8 @@ fn planes(scene: &Scene, upstream: &[f32], stage: Option<Stage>) -> [Vec<f64>; 8
     if matches!(stage, Some(Stage::Stored | Stage::Projection)) {
         grads.iter_mut().for_each(|row| *row = row.map(single));
     }
-    let exact = View::<f64>::exact(&scene.shot.camera, &scene.shot.projection);
-    let push = View::<f32>::of(&CameraPush::new(&scene.shot.camera, &scene.shot.projection));
+    let exact = TwinCamera::<f64>::exact(&scene.shot.camera, &scene.shot.projection);
+    let push = TwinCamera::<f32>::of(&CameraPush::new(&scene.shot.camera, &scene.shot.projection));
     let zero = Splat::from_array(&[0.0; 59]);
     let mut splats = vec![zero; scene.model.len()];
     for (i, row) in &rows {

@@ -6,7 +6,7 @@ use psrgs_vk::raster::PLANES;
 use psrgs_vk::scene::tile::TileGrid;
 use psrgs_vk::train::{Input, Message, Pacing, Restart, Settings, State, Trainer};
 use psrgs_vk::twin::project::{Culled, project};
-use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
+use psrgs_vk::twin::splat::{PARAMETERS, Splat, TwinCamera};
 use psrgs_vk::vk::Gpu;
 
 use super::common;
@@ -105,7 +105,7 @@ fn bad(state: &State, trainer: &Trainer, step: u32) -> usize {
         limits: None,
         alpha_cutoff: None,
     };
-    let view = View::<f32>::of(&CameraPush::new(&camera, &projection));
+    let view = TwinCamera::<f32>::of(&CameraPush::new(&camera, &projection));
     let side = trainer.variants().tile.size();
     let grid = TileGrid::new(view.size, [side; 2]);
     let mut planes = state.params.clone();

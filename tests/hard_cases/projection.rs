@@ -8,7 +8,7 @@ use psrgs_vk::scene::tile::TileGrid;
 use psrgs_vk::train::density::logit;
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::projection::sigmoid;
-use psrgs_vk::twin::splat::{Splat, View};
+use psrgs_vk::twin::splat::{Splat, TwinCamera};
 
 use super::common;
 use super::common::splats::{camera, seeded};
@@ -18,7 +18,7 @@ use super::device::{
 };
 
 /// Ratio of the axes of a projected ellipse.
-fn aspect(splat: &Splat<f64>, view: &View<f64>) -> f64 {
+fn aspect(splat: &Splat<f64>, view: &TwinCamera<f64>) -> f64 {
     let Ok(p) = project(splat, view, None) else { return 1.0 };
     let [a, b, c] = p.conic;
     let (middle, reach) = ((a + c) / 2.0, (((a - c) / 2.0).powi(2) + b * b).sqrt());
@@ -56,7 +56,7 @@ fn needles_of_aspect_10_100_and_1000() {
     {
         let mut random = seeded(ratio as u64);
         let scene = needles(&mut random, ratio);
-        let view = View::<f64>::exact(&scene.shot.camera, &scene.shot.projection);
+        let view = TwinCamera::<f64>::exact(&scene.shot.camera, &scene.shot.projection);
         let mut aspects: Vec<f64> = scene.splats.iter().map(|s| aspect(s, &view)).collect();
         aspects.sort_by(f64::total_cmp);
         assert!((0.5..2.0).contains(&(aspects[20] / ratio)), "aspect {ratio}: the middle one is {}", aspects[20]);
@@ -175,7 +175,7 @@ fn off_frustum_clamp() {
         })
         .collect();
     let scene = Scene::new(&splats, camera, false);
-    let view = View::<f64>::exact(&scene.shot.camera, &scene.shot.projection);
+    let view = TwinCamera::<f64>::exact(&scene.shot.camera, &scene.shot.projection);
     let clamped = scene.splats.iter().filter(|s| psrgs_vk::twin::project::geometry(s, &view).1.clamped != [false; 2]);
     assert!(clamped.count() > 30);
     let image = scene.wanted();
@@ -316,7 +316,7 @@ fn sub_pixel_splats_with_antialiasing() {
         check(&what, &[MEANS, QUATS, SCALES, OPACITIES, SH0], &got.planes, &want, 2e-3);
         let side = variants.tile.size();
         let grid = TileGrid::new([64, 40], [side; 2]);
-        let view = View::<f32>::of(&push);
+        let view = TwinCamera::<f32>::of(&push);
         let twin =
             (0..splats.len()).filter(|i| project(&Splat::<f32>::of(&scene.model, *i), &view, Some(&grid)).is_ok());
         assert_eq!(got.counters[counters::VISIBLE] as usize, twin.count(), "{what}: splats seen");

@@ -1,6 +1,6 @@
 //! The distance without learned weights.
 
-use psrgs_vk::perceptual::{Distance, GradientOf, Pair};
+use psrgs_vk::perceptual::{Distance, GradientOf, ImagePair};
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::vk::{Gpu, Memory};
 
@@ -18,7 +18,7 @@ fn measure(gpu: &Gpu, distance: &Distance, image: &[[f32; 4]], rgba: &[u8]) -> (
     gpu.write(&grad, &vec![[0.0f32; 4]; image.len()]).unwrap();
     let windows = distance.windows(SIZE.0, SIZE.1, true).unwrap();
     let mut recorder = gpu.recorder("test").unwrap();
-    let pair = Pair { image: &on_device, photograph: &photograph, size: SIZE, at: (0, 0), cropped: false };
+    let pair = ImagePair { image: &on_device, photograph: &photograph, size: SIZE, at: (0, 0), cropped: false };
     windows.record(&mut recorder, &pair, Some(&GradientOf { image: &grad, weight: 1.0 })).unwrap();
     recorder.submit().unwrap();
     let value: Vec<f32> = gpu.read(windows.result()).unwrap();

@@ -1,6 +1,6 @@
 //! The gradient with respect to the image against finite differences of the reference in double precision.
 
-use psrgs_vk::perceptual::{Distance, GradientOf, Pair};
+use psrgs_vk::perceptual::{Distance, GradientOf, ImagePair};
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::vk::{Gpu, Memory};
 
@@ -64,7 +64,7 @@ fn on_device(gpu: &Gpu, distance: &Distance, scene: &Scene, weight: f32, before:
     gpu.write(&photograph, &scene.rgba).unwrap();
     gpu.write(&grad, before).unwrap();
     let windows = distance.windows(scene.window.0, scene.window.1, true).unwrap();
-    let pair = Pair { image: &image, photograph: &photograph, size: scene.size, at: scene.at, cropped: false };
+    let pair = ImagePair { image: &image, photograph: &photograph, size: scene.size, at: scene.at, cropped: false };
     let (waits, memory) = (gpu.stats().host_waits, gpu.memory_use().current);
     let mut recorder = gpu.recorder("test").unwrap();
     windows.record(&mut recorder, &pair, Some(&GradientOf { image: &grad, weight })).unwrap();

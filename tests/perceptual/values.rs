@@ -1,6 +1,6 @@
 //! Distances against published numbers and against the reference.
 
-use psrgs_vk::perceptual::{Distance, Error, GradientOf, LpipsWeights, Metric, Pair, read_tensors};
+use psrgs_vk::perceptual::{Distance, Error, GradientOf, ImagePair, LpipsWeights, Metric, read_tensors};
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::vk::{Gpu, Memory};
 
@@ -54,7 +54,7 @@ fn layers(
     let windows = distance.windows(width, height, gradient).unwrap();
     let grad = buffer("grad", 16 * colours.len());
     let mut recorder = gpu.recorder("test").unwrap();
-    let pair = Pair { image: &image, photograph: &photograph, size: (width, height), at: (0, 0), cropped: false };
+    let pair = ImagePair { image: &image, photograph: &photograph, size: (width, height), at: (0, 0), cropped: false };
     let of = GradientOf { image: &grad, weight: 1.0 };
     windows.record(&mut recorder, &pair, gradient.then_some(&of)).unwrap();
     recorder.submit().unwrap();
@@ -146,7 +146,7 @@ fn what_cannot_be_compared_is_refused() {
     let windows = distance.windows(20, 20, false).unwrap();
     let buffer = gpu.buffer("image", 16 * 900, Memory::Device).unwrap();
     let mut recorder = gpu.recorder("test").unwrap();
-    let at = |at| Pair { image: &buffer, photograph: &buffer, size: (30, 30), at, cropped: false };
+    let at = |at| ImagePair { image: &buffer, photograph: &buffer, size: (30, 30), at, cropped: false };
     for place in [(11, 0), (0, 11), (u32::MAX, 0)] {
         let error = windows.record(&mut recorder, &at(place), None).unwrap_err();
         assert!(matches!(error, Error::Outside { .. }), "{error}");

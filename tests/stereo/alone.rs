@@ -1,7 +1,9 @@
 //! Surfaces that are continued where few or no views look.
 
 use psrgs_vk::scene::Camera;
-use psrgs_vk::stereo::{FusedPoint, InitialPlanes, Prior, SkirtPoint, View, extend, skirt, surface, surface_of_points};
+use psrgs_vk::stereo::{
+    FusedPoint, InitialPlanes, Prior, SkirtPoint, StereoView, extend, skirt, surface, surface_of_points,
+};
 
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
@@ -50,11 +52,11 @@ fn middle(pixel: usize) -> (f64, f64) {
 }
 
 /// Views of the ground. Depths are known where three or more views look, multiplied by `wrong` of the pixel.
-fn views(at: &[(f64, f64)], wrong: impl Fn(usize) -> f64) -> (Vec<View>, Vec<Prior>) {
+fn views(at: &[(f64, f64)], wrong: impl Fn(usize) -> f64) -> (Vec<StereoView>, Vec<Prior>) {
     let cameras: Vec<Camera> = at.iter().map(|&(x, y)| camera(x, y)).collect();
     let pixels = (WIDTH * HEIGHT) as usize;
     let colour = |p: usize| [(p % WIDTH as usize) as u8, (p / WIDTH as usize) as u8, 200];
-    let view = |camera: &Camera| View {
+    let view = |camera: &Camera| StereoView {
         camera: *camera,
         luma: vec![0.5; pixels],
         colours: (0..pixels).map(colour).collect(),

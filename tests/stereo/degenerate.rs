@@ -1,12 +1,12 @@
 //! Degenerate input.
 
 use glam::DVec3;
-use psrgs_vk::stereo::{Error, InitialPlanes, Matcher, Prior, Settings, View, fuse};
+use psrgs_vk::stereo::{Error, InitialPlanes, Matcher, Prior, Settings, StereoView, fuse};
 
 use super::common;
 use super::site::{Sheet, camera, cross, views};
 
-fn run(views: &[View]) -> Option<Vec<Prior>> {
+fn run(views: &[StereoView]) -> Option<Vec<Prior>> {
     let gpu = common::gpu()?;
     let priors = Matcher::new(&gpu, &Settings::default()).unwrap().run(views, |_| ()).unwrap();
     for (prior, view) in priors.iter().zip(views) {
@@ -101,7 +101,7 @@ fn what_does_not_fit_together_is_an_error() {
     let Some(gpu) = common::gpu() else { return };
     let matcher = Matcher::new(&gpu, &Settings::default()).unwrap();
     let (good, _) = views(&[wall()], &cross(0.3, 24, 18)[..2], [1.0, 6.0]);
-    let refused = |change: &dyn Fn(&mut View)| {
+    let refused = |change: &dyn Fn(&mut StereoView)| {
         let mut views = good.clone();
         change(&mut views[1]);
         matcher.run(&views, |_| ()).expect_err("an error")

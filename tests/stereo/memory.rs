@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 
 use psrgs_vk::dataset::{Dataset, HostShare, LoadOptions, Role, Split};
-use psrgs_vk::stereo::{InitialPlanes, MemoryEstimate, Scene, Settings, View};
+use psrgs_vk::stereo::{InitialPlanes, MemoryEstimate, Scene, Settings, StereoView};
 use psrgs_vk::train::settings::DepthPrior;
 use psrgs_vk::train::{self, compute_stereo_priors, prepare};
 use psrgs_vk::world::{LidarParams, WorldParams, generate};
@@ -20,7 +20,7 @@ pub(super) fn world(folder: &std::path::Path, max_side: u32) -> Dataset {
 }
 
 /// Bytes of a view's values.
-fn held(view: &View) -> u64 {
+fn held(view: &StereoView) -> u64 {
     let start = match &view.start {
         InitialPlanes::Hypotheses(rows) => 12 * rows.len(),
         _ => 0,

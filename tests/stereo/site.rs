@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 use psrgs_vk::scene::Camera;
-use psrgs_vk::stereo::{InitialPlanes, View};
+use psrgs_vk::stereo::{InitialPlanes, StereoView};
 
 /// A part of a plane: the points p with normal . p = offset within `bounds` (x and y, least and most).
 pub struct Sheet {
@@ -110,9 +110,9 @@ pub fn render(sheets: &[Sheet], camera: &Camera) -> Truth {
 }
 
 /// Views of the sheets, each with all others as sources and a random start.
-pub fn views(sheets: &[Sheet], cameras: &[Camera], depths: [f64; 2]) -> (Vec<View>, Vec<Truth>) {
+pub fn views(sheets: &[Sheet], cameras: &[Camera], depths: [f64; 2]) -> (Vec<StereoView>, Vec<Truth>) {
     let truths: Vec<Truth> = cameras.iter().map(|camera| render(sheets, camera)).collect();
-    let views = cameras.iter().zip(&truths).enumerate().map(|(i, (camera, truth))| View {
+    let views = cameras.iter().zip(&truths).enumerate().map(|(i, (camera, truth))| StereoView {
         camera: *camera,
         luma: truth.luma.clone(),
         colours: Vec::new(),

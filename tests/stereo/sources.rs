@@ -1,7 +1,7 @@
 //! The choice of source views.
 
 use psrgs_vk::dataset::{Dataset, LoadOptions, Split};
-use psrgs_vk::stereo::{Observations, View, choose_sources, depth_range};
+use psrgs_vk::stereo::{Observations, StereoView, choose_sources, depth_range};
 
 use super::colmap_folder::{Folder, PointRow};
 use super::site::camera;
@@ -90,7 +90,7 @@ fn assumed_observations_are_no_measurements() {
     let dataset = ring(3);
     let chosen: Vec<usize> = (0..8).collect();
     let seen = Observations::of(&dataset, &chosen, 0);
-    let view = |i: &usize| View {
+    let view = |i: &usize| StereoView {
         camera: dataset.scene_camera(*i).unwrap(),
         luma: Vec::new(),
         colours: Vec::new(),

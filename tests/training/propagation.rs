@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use psrgs_vk::dataset::HostShare;
 use psrgs_vk::scene::Gaussians;
-use psrgs_vk::stereo::{Observations, Pending, Scene};
+use psrgs_vk::stereo::{Observations, PendingPhotograph, Scene};
 use psrgs_vk::train::settings::Method;
 use psrgs_vk::train::{Input, Message, Pacing, Settings, Trainer};
 
@@ -40,8 +40,8 @@ fn input(settings: &Settings) -> Input {
     };
     let views = points.iter().map(|p| (0..VIEWS as u32).filter(|v| sees(*v as usize, p)).collect()).collect();
     let seen = Observations { points, views, ..Observations::default() };
-    let pending: Vec<Pending<'_>> =
-        input.train.iter().map(|view| Pending { name: &view.name, camera: view.camera, bytes: 0 }).collect();
+    let pending: Vec<PendingPhotograph<'_>> =
+        input.train.iter().map(|view| PendingPhotograph { name: &view.name, camera: view.camera, bytes: 0 }).collect();
     let share = HostShare::unlimited();
     let pixels = |k: usize| input.train[k].photograph.pixels();
     let scene = Scene::new(&pending, &seen, &settings.geometry.stereo(), &share, pixels).expect("pixels");

@@ -6,7 +6,7 @@ use psrgs_vk::pass::densify_views;
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::densify_views::is_counted;
-use psrgs_vk::twin::splat::{Splat, View};
+use psrgs_vk::twin::splat::{Splat, TwinCamera};
 use psrgs_vk::vk::Gpu;
 
 use super::harness::{self, Words, bytes};
@@ -97,7 +97,7 @@ pub fn run(gpu: &Gpu) {
 #[test]
 fn views_of_3dgs_count_where_no_pixel_is_blended() {
     let camera = scene::view();
-    let view = View::<f64>::exact(&camera, &Projection::default());
+    let view = TwinCamera::<f64>::exact(&camera, &Projection::default());
     let at = |x: f64, y: f64, log_scale: f64| {
         let mean =
             super::common::splats::to_scene(&camera, [(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0]);

@@ -6,7 +6,7 @@ use psrgs_vk::pass::part_sum;
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::geometry::{Scene, prior_normal};
 use psrgs_vk::twin::loss::{counting, unpack};
-use psrgs_vk::twin::place::Mask;
+use psrgs_vk::twin::place::ByteMask;
 use psrgs_vk::twin::slot_sum::sum_of_parts as added;
 use psrgs_vk::vk::Gpu;
 
@@ -113,7 +113,7 @@ impl View {
             photo: unpack(&self.target, self.bits),
             counts: counting(&self.target, self.bits),
             prior: &self.prior,
-            mask: self.mask.as_ref().map(|bytes| Mask { bytes, size }),
+            mask: self.mask.as_ref().map(|bytes| ByteMask { bytes, size }),
         }
     }
 

@@ -55,7 +55,7 @@ impl View {
             image: self.image.iter().map(|row| row.map(f64::from)).collect(),
             photo: unpack(&self.target, self.bits),
             counts: counting(&self.target, self.bits),
-            mask: self.mask.as_ref().map(|bytes| place::Mask { bytes, size }),
+            mask: self.mask.as_ref().map(|bytes| place::ByteMask { bytes, size }),
         }
     }
 }

@@ -10,7 +10,7 @@ use psrgs_vk::pass::{
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::scene::tile::{self, ALPHA_MIN, TileGrid};
 use psrgs_vk::twin::project::{Culled, Projected, project};
-use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
+use psrgs_vk::twin::splat::{PARAMETERS, Splat, TwinCamera};
 use psrgs_vk::vk::{Gpu, Subgroup};
 
 use super::common::guards::{Guards, eased};
@@ -46,7 +46,7 @@ impl<'a> Case<'a> {
         Self { model, projection, tile, aux, alpha_min: ALPHA_MIN, halved: false }
     }
 
-    fn grid(&self, view: &View<f64>) -> TileGrid {
+    fn grid(&self, view: &TwinCamera<f64>) -> TileGrid {
         TileGrid { alpha_min: self.alpha_min, ..TileGrid::new(view.size, self.tile) }
     }
 }
@@ -81,8 +81,8 @@ fn dispatch(gpu: &Gpu, case: &Case<'_>) -> Outcome {
 }
 
 /// Whether rounding may cull the splat: the verdict changes with small changes of depth, opacity or mean.
-fn undecided(splat: &Splat<f64>, view: &View<f64>, grid: &TileGrid) -> bool {
-    let verdict = |view: &View<f64>| project(splat, view, Some(grid)).is_ok();
+fn undecided(splat: &Splat<f64>, view: &TwinCamera<f64>, grid: &TileGrid) -> bool {
+    let verdict = |view: &TwinCamera<f64>| project(splat, view, Some(grid)).is_ok();
     let here = verdict(view);
     let z = psrgs_vk::twin::project::to_camera(view, splat.mean)[2];
     let near = (z / view.near - 1.0).abs() < 1e-5;
@@ -101,7 +101,7 @@ fn undecided(splat: &Splat<f64>, view: &View<f64>, grid: &TileGrid) -> bool {
 fn compare(gpu: &Gpu, case: &Case<'_>, what: &str) -> usize {
     let n = case.model.len();
     let outcome = dispatch(gpu, case);
-    let view = View::<f64>::of(&scene::push(&case.projection));
+    let view = TwinCamera::<f64>::of(&scene::push(&case.projection));
     let grid = case.grid(&view);
     let got = outcome.device::<[f32; 12]>(9);
     let tiles = outcome.device::<u32>(10);
@@ -265,7 +265,7 @@ fn hard(gpu: &Gpu) {
 fn poison(gpu: &Gpu) {
     let clean = scene::ordinary(64, 8);
     let projection = Projection::default();
-    let view = View::<f32>::of(&scene::push(&projection));
+    let view = TwinCamera::<f32>::of(&scene::push(&projection));
     let grid = TileGrid::new(view.size, [16, 16]);
     let seen: Vec<usize> =
         (0..64).filter(|&i| project(&Splat::<f32>::of(&clean, i), &view, Some(&grid)).is_ok()).collect();

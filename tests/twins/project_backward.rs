@@ -8,7 +8,7 @@ use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::TileGrid;
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::project_backward::{Grad2d, project_backward};
-use psrgs_vk::twin::splat::{Splat, View};
+use psrgs_vk::twin::splat::{Splat, TwinCamera};
 use psrgs_vk::vk::Gpu;
 
 use super::common::guards::{Guards, eased};
@@ -43,7 +43,7 @@ fn random_gradient(random: &mut Random, conic: [f64; 3], aux: bool) -> Grad2d<f6
 fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what: &str) -> usize {
     let n = model.len();
     let push = scene::push(&projection);
-    let view = View::<f64>::of(&push);
+    let view = TwinCamera::<f64>::of(&push);
     let grid = TileGrid::new(view.size, [16, 16]);
     let mut random = seeded(n as u64);
     let (mut splat2d, mut tiles) = (vec![[f32::NAN; 12]; n], vec![0u32; n]);
@@ -54,7 +54,7 @@ fn compare(gpu: &Gpu, model: &Gaussians, projection: Projection, aux: bool, what
     for i in 0..n {
         let splat = Splat::<f64>::of(model, i);
         // Projections that overflow in f32 are culled on the device.
-        let on_device = project(&Splat::<f32>::of(model, i), &View::of(&push), Some(&grid)).is_ok();
+        let on_device = project(&Splat::<f32>::of(model, i), &TwinCamera::of(&push), Some(&grid)).is_ok();
         let Some(p) = project(&splat, &view, Some(&grid)).ok().filter(|_| on_device) else {
             exact.push(Splat::of(&want, i));
             continue;

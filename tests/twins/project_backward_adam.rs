@@ -13,8 +13,8 @@ use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::project_backward::{
     Grad2d, flatten as add_flatness, project_backward as gradient_of, shrink as add_smallness,
 };
-use psrgs_vk::twin::project_backward_adam::{Pace, Stepped, step_after, view};
-use psrgs_vk::twin::splat::{PARAMETERS, Splat, View};
+use psrgs_vk::twin::project_backward_adam::{Pace, SplatState, step_after, view};
+use psrgs_vk::twin::splat::{PARAMETERS, Splat, TwinCamera};
 use psrgs_vk::vk::{DeviceKind, Gpu};
 
 use super::common::splats::seeded;
@@ -39,10 +39,10 @@ pub(super) struct Case {
     pub(super) buffers: Vec<Vec<u8>>,
     camera: psrgs_vk::pass::camera::CameraPush,
     tiles: Vec<u32>,
-    before: Vec<Stepped<f64>>,
+    before: Vec<SplatState<f64>>,
     /// Results where missed steps are made up for, each with its pace.
-    caught: Vec<(Stepped<f64>, Option<Pace>)>,
-    want: Vec<Stepped<f64>>,
+    caught: Vec<(SplatState<f64>, Option<Pace>)>,
+    want: Vec<SplatState<f64>>,
     /// Gradients, and the bounds of the device's errors.
     gradients: Vec<([f64; PARAMETERS], [f64; PARAMETERS])>,
 }
@@ -104,7 +104,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
     let settings = AdamSettings { beta2, ..AdamSettings::default() };
     let camera = scene::push(projection);
     let push = Push::new(&camera, &settings, &RATES, steps);
-    let full = View::<f64>::of(&camera);
+    let full = TwinCamera::<f64>::of(&camera);
     let grid = TileGrid::new(full.size, [16, 16]);
     let mut random = seeded(7 + n as u64);
     let (mut splat2d, mut tiles) = (vec![[f32::NAN; 12]; n], vec![0u32; n]);
@@ -112,7 +112,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
     let (mut before, mut gradients) = (Vec::new(), Vec::new());
     for i in 0..n {
         let splat = Splat::<f64>::of(model, i);
-        let on_device = project(&Splat::<f32>::of(model, i), &View::of(&camera), Some(&grid)).is_ok();
+        let on_device = project(&Splat::<f32>::of(model, i), &TwinCamera::of(&camera), Some(&grid)).is_ok();
         let seen = project(&splat, &full, Some(&grid)).ok().filter(|_| on_device);
         let (mut g, mut error) = ([0.0; PARAMETERS], [0.0; PARAMETERS]);
         if let Some(p) = seen {
@@ -158,7 +158,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
         let second = moment(&mut random, &|size, x| size * size * (1.5 + x)).to_array();
         let kept: [(f64, f64); PARAMETERS] = std::array::from_fn(|k| kept(first[k], second[k]));
         let [first, second] = [kept.map(|m| m.0), kept.map(|m| m.1)].map(|values| Splat::from_array(&values));
-        before.push(Stepped { splat, first, second });
+        before.push(SplatState { splat, first, second });
         gradients.push((g, error));
     }
     let given = of(shrinking(flattening(constants(&settings, most, aux), flatten), shrink), steppers);
@@ -174,7 +174,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
     };
     let stats: Vec<[f32; 4]> = (0..n).map(|i| [1.5, -2.5, 3.5, last(i)]).collect();
     let steps = |i: usize| steppers != Steppers::Listed || tiles[i] > 0;
-    let caught: Vec<(Stepped<f64>, Option<Pace>)> = (0..n)
+    let caught: Vec<(SplatState<f64>, Option<Pace>)> = (0..n)
         .map(|i| {
             let pace = match steppers {
                 Steppers::All => None,
@@ -323,7 +323,7 @@ impl Case {
         let mut moved = 0;
         for (i, ((params, first), second)) in params.iter().zip(&first).zip(&second).enumerate() {
             let (before, (caught, pace), want) = (&self.before[i], &self.caught[i], &self.want[i]);
-            let arrays = |s: &Stepped<f64>| [s.splat.to_array(), s.first.to_array(), s.second.to_array()];
+            let arrays = |s: &SplatState<f64>| [s.splat.to_array(), s.first.to_array(), s.second.to_array()];
             let ([p00, m00, v00], [p0, m0, v0], [p1, m1, v1]) = (arrays(before), arrays(caught), arrays(want));
             let (g, dg) = &self.gradients[i];
             // A power by squaring has as many roundings as factors.
@@ -472,7 +472,7 @@ fn twin_adapter(gpu: &Gpu, steppers: Steppers) {
     let form = Form { steppers, beta2: 0.98, ..plain(steps) };
     let case = case(&scene::ordinary(100, 5), &Projection::default(), 3, form, |m, v| (m, v));
     let outcome = case.run(gpu, "adapter");
-    assert_eq!(view::<f64>(&case.push).focal, View::<f64>::of(&case.camera).focal);
+    assert_eq!(view::<f64>(&case.push).focal, TwinCamera::<f64>::of(&case.camera).focal);
     assert_eq!(outcome.device[29], outcome.twin[29], "statistics");
     for k in 5..29 {
         let (device, twin) = (outcome.device::<f32>(k), outcome.twin::<f32>(k));

@@ -5,7 +5,7 @@ use psrgs_vk::pass::counters;
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::twin::project::geometry;
-use psrgs_vk::twin::splat::{Splat, View};
+use psrgs_vk::twin::splat::{Splat, TwinCamera};
 
 use super::common::splats::{camera, seeded, spread, to_scene};
 use super::harness::{bytes, garbage};
@@ -126,7 +126,7 @@ pub fn push(projection: &Projection) -> CameraPush {
 
 /// Condition number of a splat's 2D shape: the rows of J W R S are differences (`u_k - ratio u_2`), and their area, a
 /// cross product, is a difference again.
-pub fn condition(splat: &Splat<f64>, view: &View<f64>) -> f64 {
+pub fn condition(splat: &Splat<f64>, view: &TwinCamera<f64>) -> f64 {
     let (_, e) = geometry(splat, view);
     let norm = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let pulled = (0..2).fold(1.0f64, |worst, k| {

@@ -2,7 +2,7 @@
 
 use psrgs_vk::pass::saliency_plane::{PASS, Push};
 use psrgs_vk::scene::random::Random;
-use psrgs_vk::twin::place::Mask;
+use psrgs_vk::twin::place::ByteMask;
 use psrgs_vk::vk::Gpu;
 
 use super::harness::{self, Words, bytes, garbage};
@@ -27,7 +27,7 @@ pub fn run(gpu: &Gpu) {
             let pixels = (width * height) as usize;
             let buffers = [bytes(&words), garbage(pixels + 4)];
             let outcome = harness::run(gpu, &PASS, &[], &buffers, &push, pixels.div_ceil(64) as u32);
-            let mask = Mask { bytes: &buffers[0], size: mask_size.map(|v| v as usize) };
+            let mask = ByteMask { bytes: &buffers[0], size: mask_size.map(|v| v as usize) };
             let size = size.map(|v| v as usize);
             for (got, who) in [(outcome.device::<f32>(1), "device"), (outcome.twin::<f32>(1), "twin")] {
                 for (k, v) in got[..pixels].iter().enumerate() {

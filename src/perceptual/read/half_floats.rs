@@ -4,14 +4,14 @@ use half::{bf16, f16};
 
 /// A floating-point format, little-endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Width {
+pub(super) enum FloatFormat {
     Half,
     Brain,
     Single,
     Double,
 }
 
-impl Width {
+impl FloatFormat {
     /// Bytes of a number.
     pub(super) fn bytes(self) -> usize {
         match self {

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::half_floats::Width;
+use super::half_floats::FloatFormat;
 use super::{at_byte, slice, whole};
 use crate::format::source::{Line, Lines};
 use crate::perceptual::Error;
@@ -38,8 +38,8 @@ pub(super) fn read(param: &Path, bin: &Path) -> Result<Tensors, Error> {
         let field = |what: &str| format!("{what} of {}", layer.name);
         let tag = slice(bin, &bytes, at, 4, field("tag"))?;
         let width = match u32::from_le_bytes([tag[0], tag[1], tag[2], tag[3]]) {
-            HALF => Width::Half,
-            tag if SINGLE.contains(&tag) => Width::Single,
+            HALF => FloatFormat::Half,
+            tag if SINGLE.contains(&tag) => FloatFormat::Single,
             tag => {
                 return Err(at_byte(bin, at, field("tag"), format_args!("{tag:#010x} is no known number format")));
             }
@@ -49,7 +49,7 @@ pub(super) fn read(param: &Path, bin: &Path) -> Result<Tensors, Error> {
         let values = width.numbers(slice(bin, &bytes, at, size, field("filters"))?);
         at += size.next_multiple_of(4);
         let size = layer.outputs.saturating_mul(4);
-        let biases = Width::Single.numbers(slice(bin, &bytes, at, size, field("biases"))?);
+        let biases = FloatFormat::Single.numbers(slice(bin, &bytes, at, size, field("biases"))?);
         at += size;
         let (outputs, kernel) = (layer.outputs, layer.kernel);
         let of_input = outputs.saturating_mul(kernel).saturating_mul(kernel).max(1);

@@ -7,7 +7,7 @@ use std::collections::btree_map::Entry;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
-use super::half_floats::Width;
+use super::half_floats::FloatFormat;
 use super::pickle::{self, Object, Pickle, Value};
 use super::{LARGEST, at_byte, slice};
 use crate::perceptual::Error;
@@ -27,7 +27,7 @@ const PER_BYTE: u64 = 8;
 struct Described<'a> {
     name: &'a str,
     key: &'a str,
-    width: Width,
+    width: FloatFormat,
     /// Number of values in its storage.
     stored: usize,
     /// Index of its first value in the storage.
@@ -164,10 +164,10 @@ fn tensor<'a>(file: &Path, data: &'a Pickle, name: &'a str, value: &'a Value) ->
         return Err(wrong("has a storage with an unknown description"));
     };
     let width = match &**class {
-        "torch.FloatStorage" => Width::Single,
-        "torch.HalfStorage" => Width::Half,
-        "torch.BFloat16Storage" => Width::Brain,
-        "torch.DoubleStorage" => Width::Double,
+        "torch.FloatStorage" => FloatFormat::Single,
+        "torch.HalfStorage" => FloatFormat::Half,
+        "torch.BFloat16Storage" => FloatFormat::Brain,
+        "torch.DoubleStorage" => FloatFormat::Double,
         _ => return Ok(None),
     };
     let sizes = |value: &Value| -> Option<Vec<usize>> {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::raster::Picture;
 use crate::scene::{Camera, Frame, Gaussians, init};
-use crate::stereo::{self, InitialPlanes, Matcher, Prior, Scene, View, lifted_pixel};
+use crate::stereo::{self, InitialPlanes, Matcher, Prior, Scene, StereoView, lifted_pixel};
 use crate::train::Error;
 use crate::train::density::logit;
 use crate::train::settings::Geometry;
@@ -68,7 +68,7 @@ impl Propagation {
     /// Depths and splats for the first of the views `together`, from renders of all of them with depth and normals.
     /// Splats are added where the rendered depth differs from the depth found by more than `ratio` times the latter.
     pub(super) fn found(&self, together: &[usize], renders: &[Picture], ratio: f64) -> Result<Propagated, Error> {
-        let views: Vec<View> = (0..together.len())
+        let views: Vec<StereoView> = (0..together.len())
             .filter_map(|k| {
                 Some(self.begun(self.scene.views.get(*together.get(k)?)?, k, together.len(), renders.get(k)?))
             })
@@ -89,10 +89,10 @@ impl Propagation {
     }
 
     /// The view to match: it begins with its render and is compared with the others of `count` views.
-    fn begun(&self, view: &View, number: usize, count: usize, render: &Picture) -> View {
+    fn begun(&self, view: &StereoView, number: usize, count: usize, render: &Picture) -> StereoView {
         let (depth, normals) = (render.depth().unwrap_or_default(), render.normals().unwrap_or_default());
         let whole = depth.len() == view.pixels() && normals.len() == view.pixels();
-        View {
+        StereoView {
             sources: (0..count).filter(|k| *k != number).collect(),
             start: if whole { InitialPlanes::from_maps(&view.camera, &depth, &normals) } else { InitialPlanes::Random },
             ..view.clone()
@@ -102,7 +102,7 @@ impl Propagation {
 
 /// Points with colours at pixels on a grid where the rendered depth is wrong, if enough pixels of the view are wrong.
 /// The rendered depth is a sum of weighted depths, so it is too small where the splats cover little.
-fn wrong(view: &View, prior: &Prior, aux: &[f32], ratio: f64, size: (u32, u32)) -> Vec<([f64; 3], [u8; 3])> {
+fn wrong(view: &StereoView, prior: &Prior, aux: &[f32], ratio: f64, size: (u32, u32)) -> Vec<([f64; 3], [u8; 3])> {
     let (width, height) = (view.camera.width as usize, view.camera.height as usize);
     let reduced = width as f64 / f64::from(size.0.max(1));
     let differs = |pixel: usize| {

@@ -8,7 +8,8 @@ use crate::dataset::{Dataset, HostShare, Role};
 use crate::format::LeftOut;
 use crate::scene::{Camera, Frame, Gaussians, init};
 use crate::stereo::{
-    self, FusedPoint, Matcher, Observations, Pending, Prior, Scene, Skipped, SkirtPoint, WithoutDepth, fuse,
+    self, FusedPoint, Matcher, Observations, PendingPhotograph, Prior, Scene, SkippedView, SkirtPoint, WithoutDepth,
+    fuse,
 };
 use crate::train::Error;
 use crate::train::cloud::{self, ProximityIndex};
@@ -39,7 +40,7 @@ pub struct StereoReport {
     /// First splats on surfaces, besides those of the reconstructed points.
     pub splats: usize,
     /// Training views without a depth.
-    pub skipped: Vec<Skipped>,
+    pub skipped: Vec<SkippedView>,
     /// The cloud that growth keeps to.
     pub cloud: Option<CloudReport>,
     /// Points that were left out of the file of the cloud.
@@ -194,11 +195,11 @@ fn keep_growth_to(
 }
 
 /// The views without a depth: those that stereo left out, with the reason of stereo, and the others with `otherwise`.
-fn without_depth(input: &Input, priors: &[Prior], left_out: &[Skipped], otherwise: WithoutDepth) -> Vec<Skipped> {
+fn without_depth(input: &Input, priors: &[Prior], left_out: &[SkippedView], otherwise: WithoutDepth) -> Vec<SkippedView> {
     let unknown = input.train.iter().zip(priors).enumerate().filter(|(_, (_, prior))| !is_known(prior));
     let named = |(view, (of, _)): (usize, (&input::View, _))| {
         let why = left_out.iter().find(|skipped| skipped.view == view).map_or(otherwise, |skipped| skipped.why);
-        Skipped { view, name: of.name.clone(), why }
+        SkippedView { view, name: of.name.clone(), why }
     };
     unknown.map(named).collect()
 }
@@ -269,8 +270,11 @@ fn scene(dataset: &Dataset, input: &Input, wanted: &stereo::Settings, share: &Ho
     let bytes = |view: &input::View| {
         view.photograph.decoding_bytes() + Outline::bytes(&[(view.camera, view.photograph.depth())])
     };
-    let pending: Vec<Pending<'_>> =
-        input.train.iter().map(|view| Pending { name: &view.name, camera: view.camera, bytes: bytes(view) }).collect();
+    let pending: Vec<PendingPhotograph<'_>> = input
+        .train
+        .iter()
+        .map(|view| PendingPhotograph { name: &view.name, camera: view.camera, bytes: bytes(view) })
+        .collect();
     Ok(Scene::new(&pending, &seen, wanted, share, |k| input.train[k].photograph.pixels())?)
 }
 

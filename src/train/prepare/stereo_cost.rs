@@ -42,7 +42,7 @@ pub(super) fn leave_out_texture(scene: &mut Scene, training: &Settings) -> Resul
     if from >= 1.0 {
         return Ok(());
     }
-    let luma = |view: &stereo::View| Plane::new(view.camera.width, view.camera.height, view.luma.clone());
+    let luma = |view: &stereo::StereoView| Plane::new(view.camera.width, view.camera.height, view.luma.clone());
     let lumas = scene.views.iter().map(luma).collect::<Result<Vec<_>, _>>()?;
     let cache = Cache::new(lumas, frequencies.gate, training.run.seed, &saliency::Settings::default())?;
     cache.prepare(&vec![frequencies.sigma; scene.views.len()])?;

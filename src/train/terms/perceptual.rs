@@ -2,7 +2,7 @@
 
 use super::{LossTerm, Phase, StepContext};
 use crate::loss::Photograph;
-use crate::perceptual::{Distance, GradientOf, LpipsWeights, Pair, Windows};
+use crate::perceptual::{Distance, GradientOf, ImagePair, LpipsWeights, Windows};
 use crate::raster::MemoryFootprint;
 use crate::train::Error;
 use crate::train::settings::Texture as Weights;
@@ -66,7 +66,7 @@ impl Perceptual {
     ) -> Result<(), Error> {
         let Some(planned) = step.plan.perceptual else { return Ok(()) };
         let Photograph { buffer, size, .. } = step.photograph;
-        let pair = Pair { image: step.shown, photograph: buffer, size, at: window.at, cropped };
+        let pair = ImagePair { image: step.shown, photograph: buffer, size, at: window.at, cropped };
         let weight = (self.weight * planned.times) as f32;
         self.windows.record(recorder, &pair, Some(&GradientOf { image: step.grad_image, weight }))?;
         Ok(())

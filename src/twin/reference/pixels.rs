@@ -1,6 +1,6 @@
 //! Blending of every splat at every pixel, its derivative, and the distance to decisions.
 
-use super::splats::{Seen, pull_back, see};
+use super::splats::{ProjectedSplat, pull_back, see};
 use super::{Gradients, Image, ImageGradient, Settings, Splat};
 use crate::scene::Camera;
 
@@ -20,15 +20,20 @@ struct Layer {
 }
 
 /// The visible splats, front to back; equal depths in the order of the input.
-fn sorted(splats: &[Splat<f64>], camera: &Camera, settings: &Settings) -> Vec<Seen> {
-    let mut seen: Vec<Seen> =
+fn sorted(splats: &[Splat<f64>], camera: &Camera, settings: &Settings) -> Vec<ProjectedSplat> {
+    let mut seen: Vec<ProjectedSplat> =
         splats.iter().enumerate().filter_map(|(i, splat)| see(i, splat, camera, settings)).collect();
     seen.sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.index.cmp(&b.index)));
     seen
 }
 
 /// The layers of the pixel whose centre is (px, py), the final transmittance, and the distance to the nearest decision.
-fn layers(seen: &[Seen], splats: &[Splat<f64>], settings: &Settings, (px, py): (f64, f64)) -> (Vec<Layer>, f64, f64) {
+fn layers(
+    seen: &[ProjectedSplat],
+    splats: &[Splat<f64>],
+    settings: &Settings,
+    (px, py): (f64, f64),
+) -> (Vec<Layer>, f64, f64) {
     let mut out: Vec<Layer> = Vec::new();
     let (mut t, mut t_condition) = (1.0, 1.0);
     let mut margin = f64::INFINITY;

@@ -6,7 +6,7 @@ use crate::scene::Camera;
 
 /// A projected splat.
 #[derive(Clone, Debug)]
-pub(super) struct Seen {
+pub(super) struct ProjectedSplat {
     /// Index in the input.
     pub(super) index: usize,
     pub(super) mean: [f64; 2],
@@ -22,12 +22,12 @@ pub(super) struct Seen {
     pub(super) mean_condition: [f64; 2],
     pub(super) conic_condition: f64,
     pub(super) depth_condition: f64,
-    parts: Parts,
+    parts: ProjectionParts,
 }
 
 /// Intermediate results that the derivative needs.
 #[derive(Clone, Debug)]
-struct Parts {
+struct ProjectionParts {
     point: [f64; 3],
     ellipsoid: Ellipsoid,
     ellipse: Ellipse,
@@ -191,7 +191,7 @@ fn unbounded_colour(splat: &Splat<f64>, camera: &Camera, degree: u32) -> [f64; 3
     colour
 }
 
-/// Condition of the mean, the conic and the depth, see [`Seen`].
+/// Condition of the mean, the conic and the depth, see [`ProjectedSplat`].
 struct Condition {
     mean: [f64; 2],
     conic: f64,
@@ -222,7 +222,7 @@ fn condition(splat: &Splat<f64>, camera: &Camera, point: [f64; 3], axes: &Mat3, 
 }
 
 /// Projects a splat; `None` where it is not visible.
-pub(super) fn see(index: usize, splat: &Splat<f64>, camera: &Camera, settings: &Settings) -> Option<Seen> {
+pub(super) fn see(index: usize, splat: &Splat<f64>, camera: &Camera, settings: &Settings) -> Option<ProjectedSplat> {
     if splat.to_array().iter().any(|v| !v.is_finite()) {
         return None;
     }
@@ -244,7 +244,7 @@ pub(super) fn see(index: usize, splat: &Splat<f64>, camera: &Camera, settings: &
     let facing: f64 = (0..3).map(|k| axis[k] * point[k]).sum();
     let turned = if facing > 0.0 { -1.0 } else { 1.0 };
     let (focal, principal, free) = (focal(camera), principal(camera), [x / z, y / z]);
-    Some(Seen {
+    Some(ProjectedSplat {
         index,
         mean: std::array::from_fn(|k| focal[k] * free[k] + principal[k]),
         conic: [q[0][0], q[0][1], q[1][1]],
@@ -255,14 +255,14 @@ pub(super) fn see(index: usize, splat: &Splat<f64>, camera: &Camera, settings: &
         mean_condition: condition.mean,
         conic_condition: condition.conic,
         depth_condition: condition.depth,
-        parts: Parts { point, ellipsoid, ellipse, lit: colour.map(|v| v > 0.0), shortest, turned, sigmoid },
+        parts: ProjectionParts { point, ellipsoid, ellipse, lit: colour.map(|v| v > 0.0), shortest, turned, sigmoid },
     })
 }
 
 /// Gradients of the 59 parameters from a row of `grad2d` and the gradient of the normal.
 pub(super) fn pull_back(
     splat: &Splat<f64>,
-    seen: &Seen,
+    seen: &ProjectedSplat,
     camera: &Camera,
     settings: &Settings,
     row: &[f64; 12],
@@ -315,7 +315,7 @@ fn pull_back_conic(ellipse: &Ellipse, row: &[f64; 12], g_factor: f64, antialias:
 }
 
 /// Gradient of the covariance in the scene, and, through the Jacobian, of the point: Sigma' = T Sigma T^T with T = J W.
-fn pull_back_ellipse(parts: &Parts, camera: &Camera, g_cov: &Mat2, g_point: &mut [f64; 3]) -> Mat3 {
+fn pull_back_ellipse(parts: &ProjectionParts, camera: &Camera, g_cov: &Mat2, g_point: &mut [f64; 3]) -> Mat3 {
     let Ellipse { slope, clamped, jacobian, .. } = &parts.ellipse;
     let (w, z, focal) = (&camera.rotation, parts.point[2], focal(camera));
     let t = product(jacobian, w);
@@ -336,7 +336,12 @@ fn pull_back_ellipse(parts: &Parts, camera: &Camera, g_cov: &Mat2, g_point: &mut
 
 /// Gradients of the quaternion and the log scales, from the gradients of the covariance and the normal in the scene:
 /// Sigma = M M^T with M = R diag(s).
-fn pull_back_ellipsoid(splat: &Splat<f64>, parts: &Parts, g_sigma: &Mat3, g_normal: &[f64; 3]) -> ([f64; 4], [f64; 3]) {
+fn pull_back_ellipsoid(
+    splat: &Splat<f64>,
+    parts: &ProjectionParts,
+    g_sigma: &Mat3,
+    g_normal: &[f64; 3],
+) -> ([f64; 4], [f64; 3]) {
     let Ellipsoid { rotation, deviations, axes, .. } = &parts.ellipsoid;
     let g_axes = scaled(2.0, &product(g_sigma, axes));
     let log_scale = std::array::from_fn(|j| deviations[j] * (0..3).map(|i| rotation[i][j] * g_axes[i][j]).sum::<f64>());

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::{Sample, letter};
+use super::{Appearance, letter};
 use crate::world::noise::{cell, fbm2, noise2, smoothstep};
 
 /// Material of the wall between the windows.
@@ -44,11 +44,11 @@ const SIGN_LOW: f64 = 2.55;
 const SIGN_HIGH: f64 = 3.35;
 
 impl Facade {
-    pub(super) fn sample(&self, uv: DVec2, normal: DVec3) -> Sample {
+    pub(super) fn sample(&self, uv: DVec2, normal: DVec3) -> Appearance {
         // Less sky is visible near the ground.
         let openness = (0.72 + 0.28 * smoothstep(-0.2, 3.0, uv.y)) as f32;
-        let s = self.window_sample(uv, normal).unwrap_or_else(|| Sample::matte(self.wall(uv), normal));
-        Sample { openness: s.openness * openness, ..s }
+        let s = self.window_sample(uv, normal).unwrap_or_else(|| Appearance::matte(self.wall(uv), normal));
+        Appearance { openness: s.openness * openness, ..s }
     }
 
     fn wall(&self, uv: DVec2) -> Vec3 {
@@ -91,7 +91,7 @@ impl Facade {
         self.colour * pattern * stain
     }
 
-    fn window_sample(&self, uv: DVec2, normal: DVec3) -> Option<Sample> {
+    fn window_sample(&self, uv: DVec2, normal: DVec3) -> Option<Appearance> {
         let columns = ((self.width - 0.9) / self.spacing).floor();
         let row = (uv.y / self.storey).floor();
         let column = uv.x / self.spacing + 0.5 * columns;
@@ -116,10 +116,10 @@ impl Facade {
             && (bottom - 0.04..top + 0.04).contains(&y)
         {
             let slat = if (y / 0.11).rem_euclid(1.0) < 0.35 { 0.55 } else { 1.0 };
-            return Some(Sample::matte(colour * slat, normal));
+            return Some(Appearance::matte(colour * slat, normal));
         }
         if !door && (bottom - 0.14..bottom).contains(&y) && x.abs() < half + 0.1 {
-            return Some(Sample::matte(Vec3::splat(0.62), normal));
+            return Some(Appearance::matte(Vec3::splat(0.62), normal));
         }
         if x.abs() >= half || !(bottom..top).contains(&y) {
             return None;
@@ -129,21 +129,21 @@ impl Facade {
             let wood = [Vec3::new(0.22, 0.1, 0.05), Vec3::new(0.05, 0.14, 0.1), Vec3::new(0.3, 0.3, 0.32)];
             let tint = wood[(cell(i, 78, self.seed) * 3.0) as usize % 3];
             let groove = if (x / 0.2).rem_euclid(1.0) < 0.12 { 0.5 } else { 1.0 };
-            return Some(Sample::matte(tint * groove, normal));
+            return Some(Appearance::matte(tint * groove, normal));
         }
         if half - x.abs() < frame || y - bottom < frame || top - y < frame || x.abs() < 0.035 {
-            return Some(Sample::matte(Vec3::splat(0.7), normal));
+            return Some(Appearance::matte(Vec3::splat(0.7), normal));
         }
         // Behind the pane: a dark room, or curtains.
         let curtain = cell(i, j, self.seed ^ 0x2e);
         let drawn = x.abs() > half * (0.45 + 0.8 * curtain) || curtain < 0.13;
         let inside = if drawn { Vec3::new(0.3, 0.28, 0.24) * 0.8 } else { Vec3::new(0.025, 0.03, 0.036) };
-        Some(Sample { gloss: 0.1, ..Sample::matte(inside, normal) })
+        Some(Appearance { gloss: 0.1, ..Appearance::matte(inside, normal) })
     }
 }
 
 /// Overlapping tiles in rows, with a darker lower edge.
-pub(super) fn tiles(uv: DVec2, normal: DVec3, colour: Vec3, seed: u32, panels: bool) -> Sample {
+pub(super) fn tiles(uv: DVec2, normal: DVec3, colour: Vec3, seed: u32, panels: bool) -> Appearance {
     if panels {
         // A field of modules with bright frames and thin cell lines.
         let (u, v) = (uv.x / 1.04, uv.y / 1.68);
@@ -159,7 +159,7 @@ pub(super) fn tiles(uv: DVec2, normal: DVec3, colour: Vec3, seed: u32, panels: b
             } else {
                 Vec3::new(0.012, 0.02, 0.06)
             };
-            return Sample { gloss: 0.05, ..Sample::matte(albedo, normal) };
+            return Appearance { gloss: 0.05, ..Appearance::matte(albedo, normal) };
         }
     }
     let (width, height) = (0.31, 0.36);
@@ -177,28 +177,28 @@ pub(super) fn tiles(uv: DVec2, normal: DVec3, colour: Vec3, seed: u32, panels: b
     let moss = smoothstep(0.55, 0.75, fbm2(uv * 0.55, 4, seed ^ 0x3c)) as f32;
     let aged = (0.8 + 0.4 * fbm2(uv * 0.35, 3, seed ^ 0x3d)) as f32;
     let albedo = (colour * tint * aged).lerp(Vec3::new(0.1, 0.115, 0.06), 0.55 * moss) * edge;
-    Sample::matte(albedo, normal)
+    Appearance::matte(albedo, normal)
 }
 
 /// Ribbed sheets with rust and skylights.
-pub(super) fn metal(uv: DVec2, normal: DVec3, colour: Vec3, seed: u32) -> Sample {
+pub(super) fn metal(uv: DVec2, normal: DVec3, colour: Vec3, seed: u32) -> Appearance {
     let sheet = (uv.x / 1.1).floor() as i32;
     let rib = (uv.x / 0.275).rem_euclid(1.0);
     let skylight = sheet.rem_euclid(4) == 2 && (uv.y / 5.0).rem_euclid(1.0) < 0.55 && cell(sheet, 4, seed) < 0.8;
     if skylight {
         let bar = (uv.y / 0.6).rem_euclid(1.0) < 0.12;
-        return Sample::matte(if bar { Vec3::splat(0.25) } else { Vec3::new(0.62, 0.68, 0.7) }, normal);
+        return Appearance::matte(if bar { Vec3::splat(0.25) } else { Vec3::new(0.62, 0.68, 0.7) }, normal);
     }
     let rust = smoothstep(0.6, 0.8, fbm2(DVec2::new(uv.x * 1.2, uv.y * 0.3), 4, seed)) as f32;
     let shade = if rib < 0.18 { 0.6 } else { 0.94 + 0.12 * cell(sheet, (uv.y / 6.0).floor() as i32, seed) as f32 };
-    Sample::matte((colour * shade).lerp(Vec3::new(0.22, 0.1, 0.05), 0.6 * rust), normal)
+    Appearance::matte((colour * shade).lerp(Vec3::new(0.22, 0.1, 0.05), 0.6 * rust), normal)
 }
 
 /// Pebbles, dark seams every few metres, puddle stains.
-pub(super) fn gravel(uv: DVec2, normal: DVec3, seed: u32) -> Sample {
+pub(super) fn gravel(uv: DVec2, normal: DVec3, seed: u32) -> Appearance {
     let pebble = cell((uv.x / 0.11).floor() as i32, (uv.y / 0.11).floor() as i32, seed);
     let seam = uv.x.rem_euclid(3.2) < 0.09;
     let stain = fbm2(uv * 0.6, 4, seed ^ 9);
     let shade = if seam { 0.12 } else { 0.22 + 0.22 * pebble + 0.2 * (stain - 0.5) };
-    Sample::matte(Vec3::new(1.0, 0.97, 0.9) * shade as f32, normal)
+    Appearance::matte(Vec3::new(1.0, 0.97, 0.9) * shade as f32, normal)
 }

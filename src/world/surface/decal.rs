@@ -87,10 +87,10 @@ pub(super) fn pond_radius(d: &Decal, p: DVec2, seed: u32) -> f64 {
 }
 
 /// Water with ripples: dark, and a mirror of the sky at flat angles.
-pub(super) fn water(p: DVec2, normal: DVec3, seed: u32) -> Sample {
+pub(super) fn water(p: DVec2, normal: DVec3, seed: u32) -> Appearance {
     let slope = |k: u32| 0.05 * (noise2(p * 1.7, seed ^ k) - 0.5) + 0.05 * (noise2(p * 5.0, seed ^ k ^ 0x9) - 0.5);
     let rippled = (normal + DVec3::new(slope(0x55), slope(0x56), 0.0)).normalize_or(normal);
-    Sample { gloss: 0.03, plain: true, ..Sample::matte(Vec3::new(0.018, 0.034, 0.03), rippled) }
+    Appearance { gloss: 0.03, plain: true, ..Appearance::matte(Vec3::new(0.018, 0.034, 0.03), rippled) }
 }
 
 /// Flagstones. With `text` also a Siemens star of 36 pairs of rays (blur shows as a grey disc whose radius grows with

@@ -3,7 +3,7 @@
 use super::decal::{Decal, DecalKind};
 use glam::{DVec2, DVec3, Vec3};
 
-use super::{Sample, decal};
+use super::{Appearance, decal};
 use crate::world::Effects;
 use crate::world::noise::{cell, fbm2, noise2, smoothstep};
 use crate::world::site::{Footprint, Roads};
@@ -126,7 +126,7 @@ impl GroundMap {
     }
 
     /// Appearance at a point, given the normal for shading.
-    pub(crate) fn sample(&self, p: DVec2, normal: DVec3) -> Sample {
+    pub(crate) fn sample(&self, p: DVec2, normal: DVec3) -> Appearance {
         let tile = self.tile(p);
         let mut openness = 1.0;
         let mut wall = f64::INFINITY;
@@ -142,11 +142,11 @@ impl GroundMap {
             openness *= 0.62 + 0.38 * smoothstep(-0.1, 2.0, wall);
         }
         let look = self.look(p, normal, tile, wall);
-        Sample { openness: look.openness * openness as f32, ..look }
+        Appearance { openness: look.openness * openness as f32, ..look }
     }
 
-    fn look(&self, p: DVec2, normal: DVec3, tile: Option<&Tile>, wall: f64) -> Sample {
-        let matte = |albedo: Vec3| Sample::matte(albedo, normal);
+    fn look(&self, p: DVec2, normal: DVec3, tile: Option<&Tile>, wall: f64) -> Appearance {
+        let matte = |albedo: Vec3| Appearance::matte(albedo, normal);
         if let Some(colour) = self.roads.sample(p, self.seed) {
             return matte(colour);
         }
@@ -160,7 +160,7 @@ impl GroundMap {
                 DecalKind::Parking => return matte(decal::parking(d, p, self.seed)),
                 DecalKind::Plaza => return matte(decal::plaza(d, p, self.seed, self.text)),
                 DecalKind::Meadow if self.plain => {
-                    return Sample { plain: true, ..matte(decal::meadow(p, self.seed)) };
+                    return Appearance { plain: true, ..matte(decal::meadow(p, self.seed)) };
                 }
                 DecalKind::Pond if self.water && decal::pond_radius(d, p, self.seed) < 1.0 => {
                     return decal::water(p, normal, self.seed);
@@ -184,7 +184,7 @@ impl GroundMap {
             return matte(self.lawn(p));
         }
         let (colour, plain) = self.fields(p);
-        Sample { plain, ..matte(colour) }
+        Appearance { plain, ..matte(colour) }
     }
 
     fn lawn(&self, p: DVec2) -> Vec3 {

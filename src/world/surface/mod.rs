@@ -42,7 +42,7 @@ pub(crate) enum Finish {
 
 /// Appearance at a point.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Sample {
+pub(crate) struct Appearance {
     /// Diffuse albedo, linear.
     pub(crate) albedo: Vec3,
     /// Normal for shading, world axes.
@@ -55,7 +55,7 @@ pub(crate) struct Sample {
     pub(crate) plain: bool,
 }
 
-impl Sample {
+impl Appearance {
     pub(crate) fn matte(albedo: Vec3, normal: DVec3) -> Self {
         Self { albedo, normal, openness: 1.0, gloss: 0.0, plain: false }
     }
@@ -71,22 +71,22 @@ fn face_coordinates(local: DVec3, local_normal: DVec3) -> DVec2 {
 impl Finish {
     /// Appearance at a point, given as `point` in the world and `local` in the solid's frame, with the outward normals
     /// in both frames.
-    pub(crate) fn sample(&self, point: DVec3, local: DVec3, normal: DVec3, local_normal: DVec3) -> Sample {
+    pub(crate) fn sample(&self, point: DVec3, local: DVec3, normal: DVec3, local_normal: DVec3) -> Appearance {
         let uv = face_coordinates(local, local_normal);
         match *self {
-            Finish::Plain(colour) => Sample::matte(colour * (0.85 + 0.3 * fbm2(uv * 2.3, 3, 11) as f32), normal),
-            Finish::Paint(colour) => Sample { gloss: 0.05, ..Sample::matte(colour, normal) },
-            Finish::Glass => Sample { gloss: 0.12, ..Sample::matte(Vec3::new(0.02, 0.025, 0.03), normal) },
+            Finish::Plain(colour) => Appearance::matte(colour * (0.85 + 0.3 * fbm2(uv * 2.3, 3, 11) as f32), normal),
+            Finish::Paint(colour) => Appearance { gloss: 0.05, ..Appearance::matte(colour, normal) },
+            Finish::Glass => Appearance { gloss: 0.12, ..Appearance::matte(Vec3::new(0.02, 0.025, 0.03), normal) },
             Finish::Facade(facade) => facade.sample(uv, normal),
             Finish::Tiles { colour, seed, panels } => building::tiles(uv, normal, colour, seed, panels),
             Finish::Metal { colour, seed } => building::metal(uv, normal, colour, seed),
             Finish::Gravel { seed } => building::gravel(uv, normal, seed),
             Finish::Smooth(colour) => {
                 let aged = 0.985 + 0.03 * fbm2(uv / 4.0, 2, 13) as f32;
-                Sample { plain: true, ..Sample::matte(colour * aged, normal) }
+                Appearance { plain: true, ..Appearance::matte(colour * aged, normal) }
             }
             Finish::Letters { paint, back, glyph, seed } => {
-                Sample::matte(if letter(uv, glyph, seed) { paint } else { back }, normal)
+                Appearance::matte(if letter(uv, glyph, seed) { paint } else { back }, normal)
             }
             Finish::Leaves { colour, seed, centre, radius } => {
                 plant::leaves(point, normal, colour, seed, (point - centre).length() / radius)
