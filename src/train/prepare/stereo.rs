@@ -195,7 +195,12 @@ fn keep_growth_to(
 }
 
 /// The views without a depth: those that stereo left out, with the reason of stereo, and the others with `otherwise`.
-fn without_depth(input: &Input, priors: &[Prior], left_out: &[SkippedView], otherwise: WithoutDepth) -> Vec<SkippedView> {
+fn without_depth(
+    input: &Input,
+    priors: &[Prior],
+    left_out: &[SkippedView],
+    otherwise: WithoutDepth,
+) -> Vec<SkippedView> {
     let unknown = input.train.iter().zip(priors).enumerate().filter(|(_, (_, prior))| !is_known(prior));
     let named = |(view, (of, _)): (usize, (&input::View, _))| {
         let why = left_out.iter().find(|skipped| skipped.view == view).map_or(otherwise, |skipped| skipped.why);
