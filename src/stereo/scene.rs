@@ -254,7 +254,7 @@ fn view(
     sources: Vec<usize>,
     own: &[u32],
     seen: &Observations,
-) -> View {
+) -> StereoView {
     let placed: Vec<[f64; 3]> = own.iter().filter_map(|p| camera.placed(*seen.points.get(*p as usize)?)).collect();
     let depths = depth_range(placed.iter().map(|p| p[2]));
     let start = match seen.drawn || placed.len() < FEW_POINTS {

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::{Sample, letter};
+use super::{Appearance, letter};
 use crate::world::noise::{fbm2, noise2};
 use crate::world::site::Footprint;
 
