@@ -143,52 +143,31 @@ fn psrgs_is_the_method_where_none_is_named() {
 }
 
 #[test]
-fn psrgs_has_a_depth_loss_unless_splats_begin_on_surfaces() {
-    let weights = |args: &[&str]| {
-        let got = settings(&[&["fox"], args].concat());
-        ["lambda-depth", "lambda-normal"].map(|key| got["geometry"][key].as_float().expect("a number"))
-    };
-    let (none, paper) = ([0.0, 0.0], [0.1, 0.01]);
-    assert_eq!(weights(&[]), none);
-    assert_eq!(weights(&["--depth-prior", "stereo"]), none, "named, though it is the default");
-    assert_eq!(weights(&["--lambda-depth", "0.3"]), [0.3, 0.0]);
-    assert_eq!(weights(&["--depth-prior", "propagation"]), paper);
-    assert_eq!(weights(&["--method", "psrgs-paper"]), paper);
-}
-
-#[test]
-fn whoever_says_how_many_splats_stereo_begins_with_has_so_many() {
+fn start_and_housekeeping_are_options_of_every_method() {
     let chosen = |args: &[&str]| {
         let got = settings(&[&["fox"], args].concat());
-        let number = |key: &str| got["geometry"][key].as_integer().expect("a number");
-        (number("stereo-splats"), number("stereo-density"), number("stereo-splats-for"))
+        let start = got["geometry"]["start"].as_str().expect("a word").to_owned();
+        let resets = got["density"]["opacity-reset-interval"].as_integer().expect("a number");
+        (start, got["geometry"]["stereo-splats"].as_integer().expect("a number"), resets)
     };
-    assert_eq!(chosen(&[]), (30_000, 12_500, 320));
-    assert_eq!(chosen(&["--stereo-splats", "60000"]), (60_000, 0, 0));
-    assert_eq!(chosen(&["--stereo-splats", "30000"]), (30_000, 0, 0), "named, though it is the default");
-    assert_eq!(chosen(&["--stereo-splats", "500", "--set", "stereo-density=100"]), (500, 100, 0));
-    assert_eq!(chosen(&["--stereo-splats", "500", "--set", "stereo-splats-for=640"]), (500, 0, 640));
-    // Without stereo there are no surfaces to begin on.
-    for prior in [&["none"][..], &["propagation"], &["lidar", "--lidar", "mvs"]] {
-        assert_eq!(chosen(&[&["--depth-prior"], prior].concat()), (0, 0, 0), "{prior:?}");
+    let is = |start: &str, splats: i64, resets: i64| (start.to_owned(), splats, resets);
+    assert_eq!(chosen(&[]), is("stereo", 0, 0));
+    assert_eq!(chosen(&["--method", "psrgs-paper"]), is("sfm", 0, 3000));
+    assert_eq!(chosen(&["--method", "3dgs"]), is("sfm", 0, 3000));
+    for method in ["3dgs", "absgs", "gspro", "lean", "psrgs", "psrgs-paper"] {
+        let asked = ["--method", method, "--start", "stereo", "--housekeeping", "lean"];
+        assert_eq!(chosen(&asked), is("stereo", 0, 0), "{method}");
+        assert_eq!(chosen(&["--method", method, "--start", "sfm"]).0, "sfm", "{method}");
+        assert_eq!(chosen(&["--method", method, "--housekeeping", "published"]).2, 3000, "{method}");
     }
-    assert_eq!(chosen(&["--method", "psrgs-paper"]), (60_000, 0, 0));
-    assert_eq!(chosen(&["--method", "3dgs"]), (0, 0, 0));
+    let named = ["--housekeeping", "lean", "--opacity-reset-interval", "500", "--set", "stereo-splats=60000"];
+    assert_eq!(chosen(&named), is("stereo", 60_000, 500), "named settings win");
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let file = write(folder.path(), "run.toml", "[geometry]\nstereo-splats = 30000\nstereo-density = 12500\n");
-    assert_eq!(chosen(&["--config", &file]), (30_000, 12_500, 0), "a file of a build without densities by size");
-    assert_eq!(chosen(&["--config", &file, "--stereo-splats", "60000"]), (60_000, 0, 0));
-    let whole =
-        "[geometry]\nstereo-splats = 30000\nstereo-density = 12500\nstereo-densest = 20000\nstereo-splats-for = 320\n";
-    let whole = write(folder.path(), "whole.toml", whole);
-    assert_eq!(chosen(&["--config", &whole]), (30_000, 12_500, 320));
-    assert_eq!(chosen(&["--config", &whole, "--stereo-splats", "0"]), (0, 0, 0));
-    assert_eq!(chosen(&["--config", &whole, "--stereo-splats", "0", "--set", "stereo-density=0"]), (0, 0, 0));
-    assert_eq!(chosen(&["--config", &whole, "--set", "stereo-density=0"]), (30_000, 0, 0));
-    assert_eq!(chosen(&["--config", &whole, "--set", "stereo-density=15000"]), (30_000, 15_000, 320));
-    let before = write(folder.path(), "before.toml", "[geometry]\nstereo-splats = 30000\n");
-    assert_eq!(chosen(&["--config", &before]), (30_000, 0, 0), "a file of a build that had no density");
-    fails(&["train", "fox", "--method", "3dgs", "--set", "stereo-density=5"], 2, &["stereo-density", "depth-prior"]);
+    let file = write(folder.path(), "run.toml", "[geometry]\nstereo-splats = 30000\n");
+    assert_eq!(chosen(&["--config", &file]).1, 30_000);
+    assert_eq!(chosen(&["--config", &file, "--set", "stereo-splats=0"]).1, 0);
+    fails(&["train", "fox", "--method", "3dgs", "--set", "stereo-splats=5"], 2, &["stereo-splats", "start"]);
+    fails(&["train", "fox", "--set", "stereo-density=5"], 2, &["stereo-density", "stereo-splats"]);
 }
 
 /// Longer side, steps, and whether the schedule is scaled.

@@ -131,7 +131,7 @@ fn removed(key: &str) -> Option<&'static str> {
 }
 
 /// Options and keys of earlier versions, and what to use instead.
-const REMOVED: [(&str, &str); 12] = [
+const REMOVED: [(&str, &str); 15] = [
     (
         "alpha-cutoff",
         "leave it out: --set early-steps=SHARE --set early-cutoff=N cuts alphas off at 1/N in the first steps of a \
@@ -146,6 +146,15 @@ const REMOVED: [(&str, &str); 12] = [
     ("sh-every", "leave it out: view-dependent colours take every step"),
     ("sh-rate", "leave it out: --lr-sh-rest RATE is the learning rate of view-dependent colours"),
     ("prune-distance", "leave it out: --prune-weight W drops splats of little weight"),
+    (
+        "stereo-density",
+        "leave it out: `stereo-splats` is the number of splats on surfaces, by local frequency where it is 0",
+    ),
+    (
+        "stereo-densest",
+        "leave it out: `stereo-splats` is the number of splats on surfaces, by local frequency where it is 0",
+    ),
+    ("stereo-splats-for", "leave it out: larger photographs begin with more splats"),
     ("splat-order", "leave it out: splats always lie along Morton's curve, and the result is the same"),
     ("transmittance-cutoff", "leave it out: a pixel always ends at a transmittance of 1/10000"),
 ];

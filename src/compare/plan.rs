@@ -74,18 +74,8 @@ pub struct Ablation {
 pub const OWN_GRAD_THRESHOLD: &str = "--set=low-grad-threshold={grad-threshold}";
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 37] = [
-    Ablation {
-        name: "no-stereo",
-        options: &[
-            "--depth-prior=none",
-            "--stereo-splats=0",
-            "--set=stereo-density=0",
-            "--set=stereo-densest=0",
-            "--set=stereo-splats-for=0",
-        ],
-        primary: Primary::DepthErrorDown,
-    },
+pub const ABLATIONS: [Ablation; 36] = [
+    Ablation { name: "no-stereo", options: &["--start=sfm", "--depth-prior=none"], primary: Primary::DepthErrorDown },
     Ablation {
         name: "no-depth-loss",
         options: &["--lambda-depth", "0", "--lambda-normal", "0"],
@@ -94,22 +84,13 @@ pub const ABLATIONS: [Ablation; 37] = [
     Ablation { name: "no-smoothness", options: &["--set=lambda-smooth=0"], primary: Primary::DepthErrorDown },
     Ablation { name: "free-harmonics", options: &["--set=lambda-sh=0"], primary: Primary::PsnrSeenUp },
     Ablation { name: "no-flattening", options: &["--set=lambda-flatten=0"], primary: Primary::DepthErrorDown },
-    Ablation {
-        name: "no-stereo-splats",
-        options: &[
-            "--stereo-splats=0",
-            "--set=stereo-density=0",
-            "--set=stereo-densest=0",
-            "--set=stereo-splats-for=0",
-        ],
-        primary: Primary::PsnrSeenUp,
-    },
+    Ablation { name: "start-sfm", options: &["--start=sfm"], primary: Primary::LpipsDown },
+    Ablation { name: "uniform-spacing", options: &["--set=stereo-spacing=uniform"], primary: Primary::PsnrSeenUp },
     Ablation { name: "round-stereo-splats", options: &["--set=stereo-thickness=1"], primary: Primary::PsnrSeenUp },
     Ablation { name: "wide-stereo-splats", options: &["--set=stereo-width=1"], primary: Primary::PsnrSeenUp },
     Ablation { name: "faint-stereo-splats", options: &["--set=stereo-opacity=0.1"], primary: Primary::PsnrSeenUp },
     Ablation { name: "texture-left-out", options: &["--set=stereo-texture=0.5"], primary: Primary::PsnrSeenUp },
     Ablation { name: "no-lone-splats", options: &["--set=stereo-alone=0"], primary: Primary::PsnrSeenUp },
-    Ablation { name: "no-skirt", options: &["--set=stereo-skirt=0"], primary: Primary::PsnrSeenUp },
     Ablation { name: "no-exposures", options: &["--exposure", "off"], primary: Primary::PsnrSeenUp },
     Ablation { name: "no-mask-growth", options: &["--set=sample-mask-share=0"], primary: Primary::PsnrSeenUp },
     Ablation { name: "no-error-growth", options: &["--set=sample-error-share=0"], primary: Primary::PsnrSeenUp },
@@ -164,9 +145,4 @@ pub const ABLATIONS: [Ablation; 37] = [
     Ablation { name: "steps-of-all", options: &["--set=visible-adam=false"], primary: Primary::PsnrSeenUp },
     Ablation { name: "published-dssim", options: &["--lambda-dssim", "0.2"], primary: Primary::PsnrSeenUp },
     Ablation { name: "no-early-cutoff", options: &["--set=early-steps=0"], primary: Primary::PsnrSeenUp },
-    Ablation {
-        name: "depth-loss",
-        options: &["--lambda-depth", "0.1", "--lambda-normal", "0.01"],
-        primary: Primary::DepthErrorDown,
-    },
 ];

@@ -24,6 +24,7 @@ mod adam;
 mod blur;
 mod cache;
 mod curve;
+mod detail;
 mod error;
 mod features;
 mod fft;
@@ -41,6 +42,7 @@ mod spectrum;
 
 pub use cache::Cache;
 pub use curve::{Agreement, Curve, agreement, spaced};
+pub use detail::spacing;
 pub use error::Error;
 pub use features::{Features, RINGS};
 pub use gate::{Gate, Saliency};

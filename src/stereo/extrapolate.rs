@@ -59,11 +59,9 @@ fn alone(views: &[StereoView], priors: &[Prior], i: usize, most: usize) -> Vec<E
             let (position, normal) = in_space(&view.camera, [u, v], 1.0 / q, continued.normal(u, v, q));
             let colour = view.colours.get(pixel).copied().unwrap_or([128; 3]);
             let normal = normal.as_vec3().to_array();
-            ExtrapolatedPixel {
-                pixel,
-                point: FusedPoint { position: position.to_array(), normal, colour, pixels: 1 },
-                shared,
-            }
+            let first = (i as u32, pixel as u32);
+            let point = FusedPoint { position: position.to_array(), normal, colour, pixels: 1, first };
+            ExtrapolatedPixel { pixel, point, shared }
         })
     };
     (0..view.pixels()).filter(|&pixel| prior.depth[pixel] <= 0.0).filter(wanted).filter_map(one).collect()

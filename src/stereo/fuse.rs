@@ -20,6 +20,8 @@ pub struct FusedPoint {
     pub colour: [u8; 3],
     /// Number of pixels fused into the point.
     pub pixels: u32,
+    /// The view and the pixel that show it first.
+    pub first: (u32, u32),
 }
 
 /// A pixel's point in space.
@@ -63,7 +65,7 @@ pub fn fuse(views: &[StereoView], priors: &[Prior], settings: &Settings) -> Vec<
                 group.push(other);
             }
             group.push(first);
-            points.push(merged(&group));
+            points.push(FusedPoint { first: (i as u32, pixel as u32), ..merged(&group) });
         }
     }
     points
@@ -112,5 +114,6 @@ fn merged(group: &[PixelPoint]) -> FusedPoint {
         normal: mean(&|p| p.normal).normalize_or_zero().as_vec3().to_array(),
         colour: mean(&|p| DVec3::from_array(p.colour)).to_array().map(|c| c.round() as u8),
         pixels: group.len() as u32,
+        first: (0, 0),
     }
 }

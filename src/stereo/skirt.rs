@@ -89,7 +89,10 @@ fn around(views: &[StereoView], priors: &[Prior], i: usize, share: f64) -> (Vec<
         let (position, normal) = in_space(camera, [u, v], 1.0 / q, continued.normal(u, v, q));
         let (position, normal) = (position.to_array(), normal.as_vec3().to_array());
         let spacing = step / (q * 0.5 * (camera.fx + camera.fy));
-        Some(SkirtPoint { point: FusedPoint { position, normal, colour: edge_colour(view, u, v), pixels: 0 }, spacing })
+        Some(SkirtPoint {
+            point: FusedPoint { position, normal, colour: edge_colour(view, u, v), pixels: 0, first: (0, 0) },
+            spacing,
+        })
     };
     let grid = |step: f64, from: f64, to: f64| {
         let (right, bottom) = (nodes(width, step, to), nodes(height, step, to));

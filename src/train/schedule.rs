@@ -6,7 +6,6 @@
 //! splatting (Kerbl et al. 2023).
 
 mod band;
-mod counter_rng;
 mod event;
 mod perceptual;
 mod plan;
@@ -14,12 +13,11 @@ mod propagations;
 mod rates;
 
 use super::settings::{Background, Settings, SigmaLearning};
-use counter_rng::bounded;
+use crate::scene::random::hash;
 use propagations::Propagations;
 use rates::{RateSchedule, log_linear};
 
 pub use band::Band;
-pub(super) use counter_rng::{Stream, draw};
 pub use event::{Event, Kind};
 pub use perceptual::{Beside, MOST_BESIDE, PerceptualStep};
 pub use plan::{Adam, DensityChange, DroppedSplats, StepPlan};
@@ -485,4 +483,24 @@ impl Every {
     fn at(self, t: u32, after: u32) -> Option<f64> {
         (self.steps > 0 && t > after && t.is_multiple_of(self.steps)).then_some(f64::from(self.steps))
     }
+}
+
+/// Purpose of a random number: streams of one seed are independent.
+#[derive(Clone, Copy)]
+pub(super) enum Stream {
+    Views = 1,
+    Background = 2,
+    /// Positions in a photograph.
+    Places = 3,
+}
+
+/// The random number of (stream, major, minor): the 64-bit finaliser of SplitMix (Steele, Lea, Flood 2014) over each
+/// part in turn.
+pub(super) fn draw(seed: u64, stream: Stream, major: u64, minor: u64) -> u64 {
+    [stream as u64, major, minor].into_iter().fold(hash(seed), |state, part| hash(state ^ hash(part)))
+}
+
+/// Maps 64 random bits to 0..n; the bias is below n / 2^64.
+fn bounded(bits: u64, n: usize) -> usize {
+    ((u128::from(bits) * n as u128) >> 64) as usize
 }

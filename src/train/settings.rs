@@ -19,8 +19,8 @@ pub use growth::{Density, Frequencies};
 pub use range::Range;
 pub use terms::{Geometry, Texture};
 pub use values::{
-    Background, ByteSize, DepthPrior, Exposure, Format, Gate, Growth, LidarCloud, MaskIgnores, Method, Preset,
-    SigmaLearning, Split, Transfer, Transparent, Tune,
+    Background, ByteSize, DepthPrior, Exposure, Format, Gate, Growth, Housekeeping, LidarCloud, MaskIgnores, Method,
+    Preset, SigmaLearning, Spacing, Split, Start, Transfer, Transparent, Tune,
 };
 
 use std::path::PathBuf;

@@ -20,7 +20,7 @@ use crate::run::{command, stderr, text};
 /// perceptual distance, exposures), and a checkpoint every few steps.
 pub(crate) const OPTIONS: &str = "--method psrgs-paper --deterministic --iterations 40 --densify-from 5 \
                        --densify-interval 6 --densify-until 32 --set low-grad-threshold=2e-3 --grad-threshold 1e-3 \
-                       --prune-opacity 0.02 --exposure affine --set stereo-side=32 --stereo-splats 200 --set \
+                       --prune-opacity 0.02 --exposure affine --set stereo-side=32 --start stereo --set stereo-splats=200 --set \
                        sigma-every=3 --set perceptual-every=4 --eval-every 0 --checkpoint-every 3 --seed 5";
 
 /// When a run is killed.

@@ -115,7 +115,7 @@ fn the_sets_of_the_stages_are_rendered_apart() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (run, data) = (folder.path().join("run"), shared.data());
     let mut args = vec!["train", text(&data), "--out", text(&run), "--method", "psrgs-paper", "--depth-prior", "none"];
-    args.extend(["--stereo-splats", "0", "--iterations", "100", "--densify-from", "10", "--densify-interval", "20"]);
+    args.extend(["--start", "sfm", "--iterations", "100", "--densify-from", "10", "--densify-interval", "20"]);
     args.extend([
         "--densify-until",
         "90",

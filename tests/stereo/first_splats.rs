@@ -1,7 +1,8 @@
 //! The first splats of a model on surfaces from stereo.
 
 use psrgs_vk::dataset::{Dataset, HostShare};
-use psrgs_vk::train::settings::{Density, DepthPrior};
+use psrgs_vk::saliency::Gate;
+use psrgs_vk::train::settings::{Density, DepthPrior, Spacing, Start};
 use psrgs_vk::train::{self, Input, StereoReport, compute_stereo_priors, longer_side, prepare, splats_on_surfaces};
 use psrgs_vk::vk::Gpu;
 
@@ -25,7 +26,7 @@ fn splats_on_surfaces_begin_with_the_shape_that_is_asked_for() {
     let dataset = world(folder.path(), 96);
     let begun = |width: f64, thickness: f64, opacity: f64| {
         let mut settings = train::Settings::default();
-        settings.geometry.depth_prior = DepthPrior::Stereo;
+        settings.geometry.start = Start::Stereo;
         settings.geometry.stereo_side = 48;
         settings.geometry.stereo_splats = 200;
         settings.geometry.stereo_width = width;
@@ -53,64 +54,23 @@ fn splats_on_surfaces_begin_with_the_shape_that_is_asked_for() {
 }
 
 #[test]
-fn surfaces_that_fill_many_photographs_begin_with_more_splats() {
+fn the_first_splats_leave_room_to_grow() {
     let mut settings = train::Settings::default();
-    let more = |settings: &train::Settings, surface: f64| splats_on_surfaces(1000, surface, 640.0, 1 << 20, settings);
-    assert_eq!(more(&settings, 8.0), 0);
+    let more = |settings: &train::Settings, asked: f64, fit: u32| splats_on_surfaces(1000, asked, fit, settings);
+    assert_eq!([0.0, 0.4, 300.2].map(|asked| more(&settings, asked, 1 << 20)), [0, 0, 300]);
+    assert_eq!(more(&settings, 486.0, 2800), 400, "half of what fits is for growth");
     settings.geometry.stereo_splats = 300;
-    assert_eq!(more(&settings, 8.0), 300);
-    settings.geometry.stereo_density = 100;
-    assert_eq!([0.0, 2.0, 3.0, 4.86].map(|surface| more(&settings, surface)), [300, 300, 300, 486]);
-    settings.geometry.stereo_densest = 150;
-    assert_eq!([0.0, 0.5, 1.0, 2.0, 4.86].map(|surface| more(&settings, surface)), [0, 75, 150, 300, 486]);
-    settings.geometry.stereo_densest = 0;
-    assert_eq!(splats_on_surfaces(1000, 4.86, 640.0, 2800, &settings), 400, "no room is left to grow");
-    assert_eq!(splats_on_surfaces(1000, 4.86, 640.0, 10, &settings), 300, "`stereo-splats` leaves no room");
-    settings.density.max_splats = Some(2600);
-    assert_eq!(more(&settings, 4.86), 300, "no room is left to grow");
-    settings.density.max_splats = Some(10);
-    assert_eq!(more(&settings, 1e9), 0);
-    settings.density.recycle_share = 0.2;
-    let under = |most: u32| {
-        more(
-            &train::Settings {
-                density: Density { max_splats: Some(most), ..settings.density.clone() },
-                ..settings.clone()
-            },
-            4.86,
-        )
+    assert_eq!([0.0, 1e9].map(|asked| more(&settings, asked, 10)), [300; 2], "a number is a number");
+    settings.geometry.stereo_splats = 0;
+    let under = |most: u32, recycle_share: f64| {
+        let density = Density { max_splats: Some(most), recycle_share, ..settings.density.clone() };
+        more(&train::Settings { density, ..settings.clone() }, 486.0, 1 << 20)
     };
-    assert_eq!([2600, 1486].map(under), [486, 486], "with recycling no room has to be left");
-    assert_eq!([900, 800, 10, 1].map(under), [450, 400, 5, 0], "surfaces get half of the limit");
-}
-
-/// Larger photographs show more detail of a surface.
-#[test]
-fn large_photographs_begin_with_more_splats() {
+    assert_eq!([2600, 10].map(|most| under(most, 0.0)), [300, 0]);
+    assert_eq!([2600, 1486].map(|most| under(most, 0.2)), [486, 486], "growth takes the room of the lightest");
+    assert_eq!([900, 800, 10, 1].map(|most| under(most, 0.2)), [450, 400, 5, 0], "points leave half");
     assert_eq!(longer_side([(320, 240), (180, 360)]), 340.0);
     assert_eq!(longer_side([]), 0.0);
-    let mut settings = train::Settings::default();
-    let geometry = &mut settings.geometry;
-    (geometry.stereo_splats, geometry.stereo_density, geometry.stereo_densest) = (300, 100, 150);
-    let of = |settings: &train::Settings, surface: f64, fit: u32| {
-        [0.0, 160.0, 320.0, 640.0, 4000.0].map(|side| splats_on_surfaces(1000, surface, side, fit, settings))
-    };
-    let all = 1 << 20;
-    assert_eq!(of(&settings, 4.0, all), [400; 5], "as many at any size");
-    settings.geometry.stereo_splats_for = 320;
-    settings.run.iterations = 1750 * 13 * 13;
-    assert_eq!(of(&settings, 4.0, all), [400, 400, 400, 800, 5000], "the number depends on the surface");
-    assert_eq!(of(&settings, 2.0, all), [300, 300, 300, 600, 3750], "--stereo-splats");
-    assert_eq!(of(&settings, 1.0, all), [150, 150, 150, 300, 1875], "--stereo-densest");
-    assert_eq!(of(&settings, 4.0, 3200), [400, 400, 400, 600, 600], "no room is left to grow");
-    assert_eq!(of(&settings, 2.0, 10), [300; 5], "the size lowers the named number");
-    for (steps, at_most) in [(100, 1.0), (1750, 1.0), (7000, 2.0), (28_000, 4.0)] {
-        settings.run.iterations = steps;
-        let times = [1.0, 1.0, 1.0, 2.0, 12.5].map(|times: f64| times.min(at_most));
-        assert_eq!(of(&settings, 4.0, all), times.map(|times| (400.0 * times) as u32), "{steps} steps");
-    }
-    settings.density.max_splats = Some(2500);
-    assert_eq!(of(&settings, 4.0, all), [250; 5], "the limit holds at any size");
 }
 
 /// The limit of splats also holds for the first splats: of points and surfaces, and of points alone.
@@ -126,33 +86,35 @@ fn no_more_splats_begin_than_are_allowed() {
     settings.density.max_splats = Some(points as u32 / 2);
     let (report, input) = found(&gpu, &dataset, &settings, true);
     assert_eq!((report.splats, input.initial.len()), (0, points / 2));
+    settings.geometry.start = Start::Stereo;
     (settings.geometry.stereo_splats, settings.density.recycle_share) = (points as u32, 0.2);
     let (report, input) = found(&gpu, &dataset, &settings, true);
     assert_eq!((report.splats, input.initial.len()), (points / 4, points / 2));
 }
 
-/// With a density of splats, the surface that stereo finds decides their number.
+/// Any method begins with as many splats as local frequencies ask for, whatever the spacing; the spacing is the method's.
 #[test]
-fn the_number_of_splats_goes_by_the_surface_that_was_found() {
+fn as_many_splats_begin_with_either_spacing() {
     let Some(gpu) = common::gpu() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let dataset = world(folder.path(), 96);
-    let begun = |splats: u32, density: u32, begins: bool| {
+    let begun = |spacing: Spacing, gate: Gate, begins: bool| {
         let mut settings = train::Settings::default();
-        settings.geometry.depth_prior = DepthPrior::Stereo;
+        settings.geometry.start = Start::Stereo;
         settings.geometry.stereo_side = 48;
-        (settings.geometry.stereo_splats, settings.geometry.stereo_density) = (splats, density);
-        let (report, _) = found(&gpu, &dataset, &settings, begins);
-        (report.splats, report.surface)
+        settings.geometry.stereo_spacing = spacing;
+        settings.frequencies.gate = gate;
+        let (report, input) = found(&gpu, &dataset, &settings, begins);
+        (report.splats, input.initial.means)
     };
-    assert_eq!(begun(50, 0, true), (50, None));
-    let (splats, surface) = begun(50, 1000, true);
-    let surface = surface.expect("a surface");
-    // The photographs overlap, and stereo at this size finds a depth in a part of the pixels.
-    assert!(surface > 0.2 && surface < 4.5, "{surface} of 9 photographs at most");
-    assert_eq!(splats, (1000.0 * surface).round() as usize);
-    assert_eq!(begun(50, 1, true).0, 50, "the least number of splats");
-    assert_eq!(begun(50, 1000, false), (0, None), "without splats from stereo nothing is counted");
+    let (uniform, even) = begun(Spacing::Uniform, Gate::Spectral, true);
+    let (frequency, uneven) = begun(Spacing::Frequency, Gate::Spectral, true);
+    assert!(uniform > 50, "{uniform}");
+    assert_eq!(uniform, frequency);
+    assert_ne!(even, uneven, "they lie elsewhere");
+    assert_eq!(begun(Spacing::Frequency, Gate::Spectral, true).1, uneven, "and there each time");
+    assert_ne!(begun(Spacing::Frequency, Gate::Random, true).1, uneven, "the mask has a part");
+    assert_eq!(begun(Spacing::Frequency, Gate::Spectral, false).0, 0, "a model from elsewhere has its splats");
 }
 
 /// Pixels that the mask calls texture have no depth; the others keep theirs.

@@ -7,7 +7,7 @@ use psrgs_vk::stereo::surface_of_points;
 use psrgs_vk::train::prepare::FirstModel;
 use psrgs_vk::train::{
     Error, Estimate, HostMemory, HostPlan, Input, MemoryPlan, Pacing, Residency, Settings, View, chosen_variants,
-    longer_side, prepare, splats_on_surfaces,
+    prepare, splats_on_surfaces,
 };
 use psrgs_vk::vk::{self, Gpu};
 
@@ -71,8 +71,10 @@ fn planned(gpu: &Gpu, dataset: &Dataset, settings: &Settings, problems: &mut Vec
     let plan = |splats| MemoryPlan::of(gpu, &outline, settings, variants, Pacing::default(), splats);
     let fit = plan(points.len() as u32)?.most_splats.0;
     let known = points.len() as u32;
-    let side = longer_side(outline.train.iter().map(|(camera, _)| (camera.width, camera.height)));
-    let more = splats_on_surfaces(known, surface_about(dataset, &points), side, fit, settings);
+    let more = match settings.geometry.begins_on_surfaces() {
+        true => splats_on_surfaces(known, asked_about(dataset, &points), fit, settings),
+        false => 0,
+    };
     let first = known.saturating_add(more).min(settings.density.max_splats.unwrap_or(u32::MAX));
     let initial = bench::resized(&points, first, settings.run.seed);
     let plan = plan(initial.len() as u32)?;
@@ -113,11 +115,14 @@ fn planned(gpu: &Gpu, dataset: &Dataset, settings: &Settings, problems: &mut Vec
     })
 }
 
-/// The surface that stereo will find, estimated from the reconstructed points.
-fn surface_about(dataset: &Dataset, points: &Gaussians) -> f64 {
+/// Splats that begin on each photograph of surface, about: what local frequencies asked for on eight flights, in the mean.
+const SPLATS_PER_PHOTOGRAPH: f64 = 6000.0;
+
+/// The splats that stereo will add, estimated from the reconstructed points.
+fn asked_about(dataset: &Dataset, points: &Gaussians) -> f64 {
     let cameras: Vec<_> = dataset.views_of(Role::Train).filter_map(|(i, _)| dataset.scene_camera(i)).collect();
     let means: Vec<[f64; 3]> = points.means.chunks_exact(3).map(|m| [m[0], m[1], m[2]].map(f64::from)).collect();
-    surface_of_points(&cameras, &means)
+    SPLATS_PER_PHOTOGRAPH * surface_of_points(&cameras, &means)
 }
 
 impl Training {

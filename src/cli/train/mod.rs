@@ -118,9 +118,6 @@ impl Args {
             }
             (None, Some(file)) => {
                 let mut settings = asked.over(&Settings::read(file)?, given)?;
-                if given("stereo-splats") || given("stereo-density") {
-                    settings.geometry.reset_density_refinements(given);
-                }
                 let written = if given("preset") { Vec::new() } else { Settings::keys(file)? };
                 let set = |key: &str| given(key) || written.iter().any(|k| k == key);
                 if let Some(chosen) = settings.run.preset {

@@ -93,15 +93,14 @@ fn depths(found: &StereoReport, settings: &Settings, views: usize, console: &Con
         }
     }
     if prior == DepthPrior::None {
+        if found.splats > 0 {
+            console.say(format_args!("stereo: {} on surfaces to begin with", counted(found.splats, "splat")));
+        }
         return;
     }
     let splats = match found.splats {
         0 => String::new(),
-        n => format!("; {} more to begin with", counted(n, "splat")),
-    };
-    let splats = match found.surface {
-        Some(surface) => format!("; their surfaces would fill {surface:.1} photographs{splats}"),
-        None => splats,
+        n => format!("; {} on surfaces to begin with", counted(n, "splat")),
     };
     let views = counted(views, "photograph");
     let smaller =

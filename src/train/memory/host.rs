@@ -11,7 +11,7 @@ use crate::stereo::MemoryEstimate;
 use crate::train::input::Outline;
 use crate::train::pacing::{Pacing, Residency};
 use crate::train::photographs::LANDINGS;
-use crate::train::settings::{DepthPrior, LidarCloud, Settings};
+use crate::train::settings::{DepthPrior, Settings};
 use crate::vk::{DeviceKind, Gpu};
 
 /// Set aside for what is not counted: compiled passes, the driver, renders of the report.
@@ -132,7 +132,7 @@ impl HostPlan {
         let sizes = outline.train.iter().map(|(camera, _)| (camera.width, camera.height));
         let room = MemoryEstimate::of(&settings.geometry.stereo(), sizes);
         let stereo = match settings.geometry.depth_prior {
-            DepthPrior::None if settings.density.lidar != Some(LidarCloud::Mvs) => MemoryEstimate::default(),
+            DepthPrior::None if !settings.needs_stereo() => MemoryEstimate::default(),
             // Propagation matches during the training: what stereo takes on the host stays.
             DepthPrior::Propagation => MemoryEstimate { results: room.host, ..room },
             _ => room,

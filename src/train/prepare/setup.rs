@@ -13,7 +13,6 @@ use crate::format::LeftOut;
 use crate::perceptual::LpipsWeights;
 use crate::scene::Gaussians;
 use crate::train::memory::{HostMemory, HostPlan};
-use crate::train::settings::{DepthPrior, LidarCloud};
 use crate::train::tune::{self, Tuned};
 use crate::train::{Error, Input, MemoryPlan, Pacing, Restart, Settings, chosen_variants};
 use crate::vk::Gpu;
@@ -159,8 +158,7 @@ impl Setup {
     ) -> Result<(), Error> {
         let photographs = self.input.train.len();
         let begin = Instant::now();
-        let matches = self.settings.geometry.depth_prior == DepthPrior::Stereo
-            || self.settings.density.lidar == Some(LidarCloud::Mvs);
+        let matches = self.settings.needs_stereo();
         if matches {
             tell(SetupEvent::StereoBegins { photographs });
         }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::spacing::Densities;
 use super::spread;
 use super::stereo_cost::{leave_out_texture, stereo_settings};
 use crate::dataset::{Dataset, HostShare, Role};
@@ -16,7 +17,7 @@ use crate::train::cloud::{self, ProximityIndex};
 use crate::train::input::{self, Input, Outline};
 use crate::train::memory::MemoryPlan;
 use crate::train::pacing::Pacing;
-use crate::train::settings::{DepthPrior, Geometry, LidarCloud, Settings};
+use crate::train::settings::{DepthPrior, Frequencies, Geometry, LidarCloud, Settings, Spacing};
 use crate::train::tune::chosen_variants;
 use crate::vk::Gpu;
 
@@ -34,9 +35,6 @@ pub struct StereoReport {
     pub share: f64,
     /// Pixels on the longer side of the matched photographs, if `stereo-share` made them smaller than `stereo-side`.
     pub reduced_to: Option<u32>,
-    /// Area of the surfaces with depths in units of a photograph ([`stereo::surface`]), if the number of splats depends
-    /// on it.
-    pub surface: Option<f64>,
     /// First splats on surfaces, besides those of the reconstructed points.
     pub splats: usize,
     /// Training views without a depth.
@@ -83,7 +81,8 @@ pub fn compute_stereo_priors(
     };
     let made = training.density.lidar == Some(LidarCloud::Mvs);
     let mut wanted = settings.stereo();
-    let matched = match settings.depth_prior == DepthPrior::Stereo || made {
+    let starts = begins && settings.begins_on_surfaces();
+    let matched = match settings.depth_prior == DepthPrior::Stereo || made || starts || settings.stereo_skirt > 0.0 {
         true => {
             let whole = sizes(input).map(|(width, height)| width.max(height)).max().unwrap_or(0).min(wanted.max_side);
             wanted = stereo_settings(training, sizes(input));
@@ -92,22 +91,14 @@ pub fn compute_stereo_priors(
         }
         false => None,
     };
-    if let Some(stereo) = &matched {
-        let more = match begins && settings.begins_on_surfaces() {
-            true => more_on_surfaces(gpu, input, training, stereo, &mut report)?,
-            false => 0,
-        };
-        if made || more > 0 {
-            let mut fused = fuse(&stereo.scene.views, &stereo.priors, &wanted);
-            if settings.stereo_alone > 0 {
-                fused.extend(stereo::extend(&stereo.scene.views, &stereo.priors, settings.stereo_alone as usize));
-            }
-            if more > 0 {
-                report.splats = begin_on(&fused, more, training, dataset, input)?;
-            }
-            if made {
-                cloud = Some(fused.iter().map(|p| p.position).collect());
-            }
+    if let Some(stereo) = matched.as_ref().filter(|_| made || starts) {
+        let fused = stereo.fused(settings, &wanted);
+        if starts {
+            let chosen = chosen_on_surfaces(gpu, input, training, stereo, &fused)?;
+            report.splats = begin_on(&chosen, training, dataset, input)?;
+        }
+        if made {
+            cloud = Some(fused.iter().map(|p| p.position).collect());
         }
     }
     if let Some(MatchedViews { scene, priors }) = matched.as_ref().filter(|_| settings.stereo_skirt > 0.0) {
@@ -116,7 +107,7 @@ pub fn compute_stereo_priors(
     }
     let stereo = matched.is_some();
     let matched_alone = matched.as_ref().map(|stereo| stereo.scene.skipped.clone());
-    let priors = priors_of(settings, input, matched, cloud.as_deref());
+    let priors = priors_of(settings, input, matched, cloud.as_deref().filter(|_| !made));
     if let Some(cloud) = &cloud {
         report.cloud = Some(keep_growth_to(cloud, dataset, input, training)?);
     }
@@ -139,21 +130,34 @@ pub fn compute_stereo_priors(
     Ok(report)
 }
 
-/// Number of splats to add on the surfaces that stereo has found.
-fn more_on_surfaces(
+/// The points of stereo's surfaces at which splats begin.
+fn chosen_on_surfaces<'a>(
     gpu: &Gpu,
     input: &Input,
     training: &Settings,
-    found: &MatchedViews,
-    report: &mut StereoReport,
-) -> Result<usize, Error> {
+    matched: &MatchedViews,
+    fused: &'a [FusedPoint],
+) -> Result<Vec<&'a FusedPoint>, Error> {
     let points = input.initial.len() as u32;
-    let measured = training.geometry.stereo_density > 0;
-    report.surface = measured.then(|| stereo::surface(&found.scene.views, &found.priors));
     let variants = chosen_variants(gpu, training)?;
     let fit = MemoryPlan::new(gpu, input, training, variants, Pacing::default(), points)?.most_splats.0;
-    let side = longer_side(sizes(input));
-    Ok(splats_on_surfaces(points, report.surface.unwrap_or(0.0), side, fit, training) as usize)
+    let MatchedViews { scene, priors } = matched;
+    // The number is the same for all methods and masks.
+    let (gate, sigma) = (Frequencies::default().gate, Frequencies::default().sigma);
+    let densities = Densities::by_frequency(scene, training, gate, sigma)?;
+    // Views see the same surface several times, and not all of their pixels become one point.
+    let pixels = scene.views.iter().map(|view| view.pixels() as f64).sum::<f64>() / scene.views.len().max(1) as f64;
+    let surface = stereo::surface(&scene.views, priors) * pixels;
+    let asked = surface * densities.mean(fused) * finer(longer_side(sizes(input)), training.run.iterations);
+    let count = splats_on_surfaces(points, asked, fit, training) as usize;
+    let spacing = match training.geometry.stereo_spacing {
+        Spacing::Frequency => {
+            Densities::by_frequency(scene, training, training.frequencies.gate, training.frequencies.sigma)?
+        }
+        Spacing::Uniform => Densities::uniform(scene),
+    };
+    let cameras: Vec<Camera> = scene.views.iter().map(|view| view.camera).collect();
+    Ok(spacing.choose(fused, &cameras, count))
 }
 
 /// Depths and normals of the training views, from stereo or else from the cloud.
@@ -165,7 +169,7 @@ fn priors_of(
 ) -> Vec<Prior> {
     match (settings.depth_prior, found, cloud) {
         (DepthPrior::None | DepthPrior::Propagation, ..) => Vec::new(),
-        (DepthPrior::Lidar, None, Some(cloud)) => {
+        (DepthPrior::Lidar, _, Some(cloud)) => {
             let reduced = |c: &Camera| {
                 let (width, height) = settings.prior_size(c.width, c.height);
                 c.resized(width, height)
@@ -219,32 +223,24 @@ fn sizes(input: &Input) -> impl Iterator<Item = (u32, u32)> {
     input.train.iter().map(|view| (view.camera.width, view.camera.height))
 }
 
+/// Longer side of the photographs, in pixels, that spacings by frequency are for.
+const REFERENCE_SIDE: f64 = 320.0;
+/// Steps that learn the splats of such photographs.
+const REFERENCE_STEPS: f64 = 1750.0;
 /// Share of `max-splats` that is left to splats on surfaces if there are more reconstructed points.
 const SURFACES_UNDER_A_LIMIT: f64 = 0.5;
 
-/// The most splats that stereo adds on surfaces before the first step, to a model of `points` splats. `surface` is the
-/// [`stereo::surface`], `side` the [`longer_side`] of the photographs, `fit` the number of splats that memory has room
-/// for. If large photographs or surfaces ask for many splats, half of `fit` is left for growth.
+/// Number of splats that stereo adds to `points` before the first step: the number of the settings, or else `asked`, which
+/// local frequencies ask for. Half of the splats that `fit` into memory are left for growth.
 ///
 /// Half of `max-splats` is left for growth too, but not with `recycle-share`: the lightest splats then make room for
 /// growth, and splats that begin on a surface are worth more than splats grown later. If points and splats on surfaces
 /// are too many together, points are left out first.
-pub fn splats_on_surfaces(points: u32, surface: f64, side: f64, fit: u32, settings: &Settings) -> u32 {
-    let geometry = &settings.geometry;
-    let times = |count: u32, factor: f64| (f64::from(count) * factor).round() as u32;
-    let larger = match geometry.stereo_splats_for {
-        0 => 1.0,
-        reference => (side / f64::from(reference)).min(learned_in(settings.run.iterations)).max(1.0),
+pub fn splats_on_surfaces(points: u32, asked: f64, fit: u32, settings: &Settings) -> u32 {
+    let wanted = match settings.geometry.stereo_splats {
+        0 => (asked.round() as u32).min((fit / 2).saturating_sub(points)),
+        splats => splats,
     };
-    let at_least = |factor: f64| {
-        let densest = match geometry.stereo_densest {
-            0 => u32::MAX,
-            densest => times(densest, surface * factor),
-        };
-        times(geometry.stereo_splats, factor).min(densest)
-    };
-    let asked = at_least(larger).max(times(geometry.stereo_density, surface * larger));
-    let wanted = asked.min(at_least(1.0).max((fit / 2).saturating_sub(points)));
     let room = settings.density.max_splats.map_or(u32::MAX, |most| match settings.density.recycle_share > 0.0 {
         true => most.saturating_sub(points).max((SURFACES_UNDER_A_LIMIT * f64::from(most)) as u32),
         false => (most / 2).saturating_sub(points),
@@ -252,11 +248,10 @@ pub fn splats_on_surfaces(points: u32, surface: f64, side: f64, fit: u32, settin
     wanted.min(room)
 }
 
-/// Factor for the first splats of a training of `steps` steps, relative to 1,750 steps. Shorter trainings of other
-/// methods grow fewer splats at any size of the photographs, and a model should begin with fewer splats than those
-/// grow.
-fn learned_in(steps: u32) -> f64 {
-    (f64::from(steps) / 1750.0).sqrt()
+/// Factor for the first splats, relative to photographs of [`REFERENCE_SIDE`]. Larger photographs show finer detail of the
+/// same surface, but a short training learns fewer splats.
+fn finer(side: f64, steps: u32) -> f64 {
+    (side / REFERENCE_SIDE).min((f64::from(steps) / REFERENCE_STEPS).sqrt()).max(1.0)
 }
 
 /// Mean number of pixels on the longer side of photographs of these sizes.
@@ -296,6 +291,15 @@ struct MatchedViews {
 }
 
 impl MatchedViews {
+    /// One cloud from all depths, with surfaces continued to places that few views see where the settings ask for that.
+    fn fused(&self, geometry: &Geometry, settings: &stereo::Settings) -> Vec<FusedPoint> {
+        let mut fused = fuse(&self.scene.views, &self.priors, settings);
+        if geometry.stereo_alone > 0 {
+            fused.extend(stereo::extend(&self.scene.views, &self.priors, geometry.stereo_alone as usize));
+        }
+        fused
+    }
+
     fn matched(
         gpu: &Gpu,
         dataset: &Dataset,
@@ -313,14 +317,7 @@ impl MatchedViews {
 
 /// Adds `more` splats on surfaces, at most as many as there are fused points, to the first model, and returns how many.
 /// Width, thickness and opacity are those of the settings. Reconstructed points are left out beyond `max-splats`.
-fn begin_on(
-    fused: &[FusedPoint],
-    more: usize,
-    settings: &Settings,
-    dataset: &Dataset,
-    input: &mut Input,
-) -> Result<usize, Error> {
-    let chosen = spread(fused, more);
+fn begin_on(chosen: &[&FusedPoint], settings: &Settings, dataset: &Dataset, input: &mut Input) -> Result<usize, Error> {
     if chosen.is_empty() {
         return Ok(0);
     }

@@ -1,6 +1,6 @@
 //! Ignores settings that have no effect.
 
-use super::{DepthPrior, Growth, LidarCloud, Settings};
+use super::{DepthPrior, Growth, Housekeeping, LidarCloud, Settings, Spacing, Start};
 
 impl Settings {
     /// These settings with defaults in place of values that have no effect: settings that are equal here train the same
@@ -8,6 +8,8 @@ impl Settings {
     /// become 0 with growth by a threshold.
     pub fn in_use(&self) -> Self {
         let (mut s, plain) = (self.clone(), Self::default());
+        // A name for values that are settings of their own.
+        s.density.housekeeping = Housekeeping::default();
         if s.density.growth == Growth::Threshold {
             s.density.sample_rate = plain.density.sample_rate;
             s.density.sample_mask_share = plain.density.sample_mask_share;
@@ -45,18 +47,27 @@ impl Settings {
             s.geometry.lambda_depth = plain.geometry.lambda_depth;
             s.geometry.lambda_normal = plain.geometry.lambda_normal;
         }
-        if s.geometry.depth_prior != DepthPrior::Stereo && s.density.lidar != Some(LidarCloud::Mvs) {
+        if s.geometry.depth_prior != DepthPrior::Stereo
+            && s.geometry.start != Start::Stereo
+            && s.density.lidar != Some(LidarCloud::Mvs)
+        {
             s.geometry.stereo_share = plain.geometry.stereo_share;
             s.geometry.stereo_texture = plain.geometry.stereo_texture;
         }
-        if s.geometry.depth_prior != DepthPrior::Stereo || s.model.sh_share < 1.0 {
+        if s.geometry.start != Start::Stereo || s.model.sh_share < 1.0 {
             s.geometry.stereo_skirt = plain.geometry.stereo_skirt;
         }
         if !s.geometry.begins_on_surfaces() {
+            s.geometry.stereo_splats = plain.geometry.stereo_splats;
+            s.geometry.stereo_spacing = plain.geometry.stereo_spacing;
             s.geometry.stereo_width = plain.geometry.stereo_width;
             s.geometry.stereo_thickness = plain.geometry.stereo_thickness;
             s.geometry.stereo_opacity = plain.geometry.stereo_opacity;
             s.geometry.stereo_alone = plain.geometry.stereo_alone;
+        }
+        if s.geometry.stereo_spacing == Spacing::Uniform && s.geometry.stereo_splats > 0 {
+            s.geometry.stereo_error_low = plain.geometry.stereo_error_low;
+            s.geometry.stereo_error_high = plain.geometry.stereo_error_high;
         }
         if s.shortcuts.early_steps == 0.0 {
             s.shortcuts.early_cutoff = plain.shortcuts.early_cutoff;

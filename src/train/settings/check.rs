@@ -1,6 +1,9 @@
 //! Checks that the values of settings fit one another.
 
-use super::{Background, DepthPrior, Gate, Growth, Method, Settings, SettingsError, SigmaLearning, Transparent};
+use super::{
+    Background, DepthPrior, Gate, Growth, LidarCloud, Method, Settings, SettingsError, SigmaLearning, Spacing, Start,
+    Transparent,
+};
 use crate::saliency::LearnSettings;
 
 impl Settings {
@@ -14,6 +17,14 @@ impl Settings {
             || self.geometry.depth_prior != DepthPrior::None
             || (frequencies.low_stage > 0.0 && by_stage)
             || (density.growth == Growth::Sampled && density.sample_mask_share > 0.0)
+            || (self.geometry.begins_on_surfaces() && self.geometry.stereo_spacing == Spacing::Frequency)
+    }
+
+    /// Whether stereo runs before the first step.
+    pub fn needs_stereo(&self) -> bool {
+        self.geometry.depth_prior == DepthPrior::Stereo
+            || self.geometry.begins_on_surfaces()
+            || self.density.lidar == Some(LidarCloud::Mvs)
     }
 
     /// Whether the constrained set is rendered beside the full one.
@@ -87,32 +98,17 @@ impl Settings {
     }
 
     /// Constraints of the settings for stereo's splats.
-    fn of_stereo(&self) -> [Constraint; 6] {
+    fn of_stereo(&self) -> [Constraint; 3] {
         let Self { geometry, frequencies, .. } = self;
-        let stereo = geometry.depth_prior == DepthPrior::Stereo;
+        let start = geometry.start == Start::Stereo;
         [
             (
                 geometry.stereo_texture >= 1.0 || frequencies.gate != Gate::Off,
                 "stereo-texture",
                 "1 where gate is off, as nothing is texture then",
             ),
-            (geometry.stereo_splats == 0 || stereo, "stereo-splats", "0 unless depth-prior is stereo"),
-            (geometry.stereo_density == 0 || stereo, "stereo-density", "0 unless depth-prior is stereo"),
-            (
-                geometry.stereo_densest == 0 || geometry.stereo_density > 0,
-                "stereo-densest",
-                "0 where stereo-density is 0",
-            ),
-            (
-                geometry.stereo_densest == 0 || geometry.stereo_densest >= geometry.stereo_density,
-                "stereo-densest",
-                "at least stereo-density, or 0",
-            ),
-            (
-                geometry.stereo_splats_for == 0 || geometry.begins_on_surfaces(),
-                "stereo-splats-for",
-                "0 where stereo-splats and stereo-density are 0",
-            ),
+            (geometry.stereo_splats == 0 || start, "stereo-splats", "0 unless start is stereo"),
+            (geometry.stereo_skirt == 0.0 || start, "stereo-skirt", "0 unless start is stereo"),
         ]
     }
 

@@ -1,7 +1,7 @@
 //! Settings of growth and pruning, and of low and high frequencies.
 
 use super::group::group;
-use super::{Gate, Growth, LidarCloud, Range, SigmaLearning};
+use super::{Gate, Growth, Housekeeping, LidarCloud, Range, SigmaLearning};
 
 group! {
     /// Growth and pruning of the set of splats.
@@ -19,6 +19,10 @@ group! {
         /// Grow splats whose mean gradient on the screen (normalised device coordinates) is at least G; a higher G makes fewer splats
         #[arg(value_name = "G")]
         pub grad_threshold: f64 = 2e-4; Range::THRESHOLD,
+        /// Keep splats few as published (opacity resets, pruning by opacity and size) or lean (pruning by weight, fading in place of
+        /// resets, steps of visible splats alone); lean makes fewer splats and takes less time
+        #[arg(value_name = "KIND")]
+        pub housekeeping: Housekeeping = Housekeeping::Published,
         /// Prune splats with an opacity below this, from 0 to 1; higher keeps fewer splats
         #[arg(value_name = "OPACITY")]
         pub prune_opacity: f64 = 0.005; Range::BELOW_1,

@@ -4,7 +4,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::{DepthPrior, Exposure, Gate, Growth, Run, Settings, SigmaLearning};
+use super::{DepthPrior, Exposure, Gate, Growth, Housekeeping, Run, Settings, SigmaLearning, Spacing, Start};
 
 /// A training method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,10 +23,10 @@ pub enum Method {
     /// `lean`: 3dgs with sampled growth, fading opacities instead of resets, and coarse photographs first; no part of
     /// the psrgs paper.
     Lean,
-    /// `psrgs`: progressive spectral residual splatting with the parts that pay, with exposures if these vary, and with
-    /// surfaces continued to places that few photographs see.
+    /// `psrgs`: progressive spectral residual splatting from surfaces of stereo, with lean housekeeping.
     Psrgs,
-    /// `psrgs-paper`: progressive spectral residual splatting with every part of the paper, whether it pays or not.
+    /// `psrgs-paper`: progressive spectral residual splatting as published: every part of the paper from the dataset's
+    /// points, with the housekeeping of 3dgs.
     PsrgsPaper,
 }
 
@@ -65,16 +65,11 @@ impl Method {
             Self::GsPro => gspro(settings, &named),
             Self::Rsgs => rsgs(settings, &named),
             Self::Lean => lean(settings, &named),
-            Self::Psrgs => {
-                lean(settings, &named);
-                psrgs(settings, &named);
-                beyond_the_paper(settings, &named);
-            }
-            Self::PsrgsPaper => {
-                lean(settings, &named);
-                psrgs(settings, &named);
-                psrgs_paper(settings, &named);
-            }
+            Self::Psrgs => psrgs(settings, &named),
+            Self::PsrgsPaper => psrgs_paper(settings, &named),
+        }
+        if settings.density.housekeeping == Housekeeping::Lean {
+            housekeeping(settings, &named);
         }
     }
 }
@@ -130,102 +125,99 @@ fn rsgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     );
 }
 
-fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
-    // Midway through the published schedule nothing has been pruned and no surface continued, so shorter runs scale
-    // the schedule. The published methods do not: a model of theirs after 7,000 steps is known to be an intermediate
-    // one. A run in which a step of the schedule is named keeps the schedule.
+/// A shorter training is a whole one in fewer steps: a model in the middle of the published schedule has not been pruned.
+/// The published methods keep the published steps, as a model of 7,000 steps is known to be one in the middle. A user who
+/// names a step of the schedule has it there.
+fn scale_schedule(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     if !["scale-schedule"].into_iter().chain(STEPS_OF_THE_SCHEDULE).any(named)
         && settings.run.iterations < Run::default().iterations
     {
         settings.run.scale_schedule = true;
     }
+}
+
+/// Few splats and cheap steps, for any method: the values of `housekeeping = lean`.
+fn housekeeping(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     unless_named!(named, settings:
+        "prune-unseen" density.prune_unseen = true,
+        // The extent is that of the cameras: splats of walls and a sky far beyond are larger than any share of it.
+        "prune-extent" density.prune_extent = 0.0,
+        "prune-weight" density.prune_weight = 0.11,
+        "prune-young" density.prune_young = 0.0,
+        "recycle-share" density.recycle_share = 0.2,
+        "keep-opacity" density.keep_opacity = 0.98,
+        "opacity-reset-interval" density.opacity_reset_interval = 0,
+        "lambda-sh" optimiser.lambda_sh = 0.2,
+        "visible-adam" shortcuts.visible_adam = true,
+        // A splat's faint rim is half of the blended pairs, and says little until splats have found their places.
+        "early-steps" shortcuts.early_steps = 0.75,
+    );
+}
+
+fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
+    scale_schedule(settings, named);
+    unless_named!(named, settings:
+        "housekeeping" density.housekeeping = Housekeeping::Lean,
         "growth" density.growth = Growth::Sampled,
         "absgrad" density.absgrad = true,
         "grad-threshold" density.grad_threshold = 8e-4,
         "low-grad-threshold" density.low_grad_threshold = 8e-4,
-        "prune-unseen" density.prune_unseen = true,
-        // The extent is that of the cameras. Splats of distant walls and of the sky are larger than any share of it.
-        "prune-extent" density.prune_extent = 0.0,
-        "prune-weight" density.prune_weight = 0.03,
-        "recycle-share" density.recycle_share = 0.2,
-        "keep-opacity" density.keep_opacity = 0.98,
-        "opacity-reset-interval" density.opacity_reset_interval = 0,
         "coarse-steps" frequencies.coarse_steps = 0.2,
-        "lambda-sh" optimiser.lambda_sh = 0.2,
+    );
+}
+
+/// The parts of the paper that `psrgs` and `psrgs-paper` share. Thresholds are staged as in the caption of the paper's second
+/// figure: high where frequencies are low.
+fn parts_of_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
+    scale_schedule(settings, named);
+    unless_named!(named, settings:
+        "growth" density.growth = Growth::Sampled,
+        "absgrad" density.absgrad = true,
+        "sample-mask-share" density.sample_mask_share = 0.5,
+        "sample-error-share" density.sample_error_share = 0.5,
+        "low-stage" frequencies.low_stage = 0.25,
+        "depth-prior" geometry.depth_prior = DepthPrior::Stereo,
+        "lambda-flatten" geometry.lambda_flatten = 0.01,
     );
 }
 
 fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
+    parts_of_the_paper(settings, named);
     unless_named!(named, settings:
-        "grad-threshold" density.grad_threshold = 6e-4,
-        "low-grad-threshold" density.low_grad_threshold = 6e-4,
-        "low-stage" frequencies.low_stage = 0.25,
-        "sample-mask-share" density.sample_mask_share = 0.5,
-        "sample-error-share" density.sample_error_share = 0.5,
-        "depth-prior" geometry.depth_prior = DepthPrior::Stereo,
-        "stereo-width" geometry.stereo_width = 0.7,
-        "stereo-thickness" geometry.stereo_thickness = 0.2,
-        "stereo-opacity" geometry.stereo_opacity = 0.3,
-    );
-    // Other priors have no surfaces for first splats.
-    if settings.geometry.depth_prior == DepthPrior::Stereo {
-        unless_named!(named, settings: "stereo-splats" geometry.stereo_splats = 60_000);
-    }
-}
-
-/// The parts of `psrgs` beyond the paper. Growth ends after a third of the steps, and splats of little weight are
-/// pruned once when the model has settled. This needs the fewest splats for equal renders, and fewer first splats.
-fn beyond_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
-    unless_named!(named, settings:
+        "start" geometry.start = Start::Stereo,
+        "exposure" optimiser.exposure = Exposure::Auto,
+        "housekeeping" density.housekeeping = Housekeeping::Lean,
+        // Growth ends after a third of the steps, as most splats begin where they are needed.
         "densify-until" density.densify_until = 10_000,
-        // Texture, which SSIM measures, counts more than in publications. The thresholds fit the larger gradients.
+        // Texture, which SSIM sees, counts more than in publications, and its larger gradients take larger thresholds.
         "lambda-dssim" optimiser.lambda_dssim = 0.3,
         "grad-threshold" density.grad_threshold = 2.4e-3,
-        "low-grad-threshold" density.low_grad_threshold = 2.4e-3,
+        "low-grad-threshold" density.low_grad_threshold = 4.8e-3,
         "grow-on-threshold" density.grow_on_threshold = 8e-4,
-        // Coarse photographs help splats to find their positions. Splats on the surfaces of stereo have theirs.
-        "coarse-steps" frequencies.coarse_steps = 0.0,
-        "prune-weight" density.prune_weight = 0.11,
-        "prune-young" density.prune_young = 0.0,
-        "stereo-alone" geometry.stereo_alone = 3,
-        "stereo-skirt" geometry.stereo_skirt = 0.5,
-        "exposure" optimiser.exposure = Exposure::Auto,
-        "visible-adam" shortcuts.visible_adam = true,
-        // Splats of low alpha at a pixel are half of the blending work, and say little until splats have found their
-        // positions.
-        "early-steps" shortcuts.early_steps = 0.75,
     );
-    // Splats on the surfaces of stereo stay there without a loss. Other priors work by their loss only.
-    if settings.geometry.depth_prior == DepthPrior::Stereo {
+    if settings.geometry.begins_on_surfaces() {
         unless_named!(named, settings:
-            "stereo-splats" geometry.stereo_splats = 30_000,
-            "lambda-depth" geometry.lambda_depth = 0.0,
-            "lambda-normal" geometry.lambda_normal = 0.0,
+            "stereo-spacing" geometry.stereo_spacing = Spacing::Frequency,
+            "stereo-width" geometry.stereo_width = 0.7,
+            "stereo-thickness" geometry.stereo_thickness = 0.2,
+            "stereo-opacity" geometry.stereo_opacity = 0.3,
+            "stereo-alone" geometry.stereo_alone = 3,
         );
     }
-    // Parts that stereo does not find have to grow. A user who names a setting of growth keeps its value.
+    // Surfaces that stereo does not find have to grow. A user who says how splats grow has them grow so.
     if !["densify-until", "grad-threshold", "low-grad-threshold"].into_iter().any(named) {
         unless_named!(named, settings: "grow-on" density.grow_on = 0.5);
     }
-    // A user who names the number of splats gets that number.
-    if !named("stereo-splats") && settings.geometry.depth_prior == DepthPrior::Stereo {
-        unless_named!(named, settings: "stereo-density" geometry.stereo_density = 12_500);
-        if !named("stereo-densest") && settings.geometry.stereo_density > 0 {
-            settings.geometry.stereo_densest = settings.geometry.stereo_density.max(20_000);
-        }
-        unless_named!(named, settings: "stereo-splats-for" geometry.stereo_splats_for = 320);
-    }
 }
 
-/// The parts of the paper that `psrgs` lacks. The thresholds are those in the caption of the paper's figure 2: high for
-/// low frequencies.
 fn psrgs_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
+    parts_of_the_paper(settings, named);
     unless_named!(named, settings:
+        "split-along-gradient" density.split_along_gradient = true,
+        "grad-threshold" density.grad_threshold = 6e-4,
         "low-grad-threshold" density.low_grad_threshold = 2.4e-3,
         "low-texture-weight" frequencies.low_texture_weight = 0.3,
-        "sigma-learning" frequencies.sigma_learning = SigmaLearning::Errors,
-        "lambda-flatten" geometry.lambda_flatten = 0.01,
+        "sigma-learning" frequencies.sigma_learning = SigmaLearning::Composite,
         "lambda-gradients" texture.lambda_gradients = 0.05,
         "lambda-constrained" texture.lambda_constrained = 0.05,
         "lambda-variation" texture.lambda_variation = 0.005,

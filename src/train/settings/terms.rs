@@ -1,7 +1,7 @@
 //! Settings of loss terms other than colour.
 
 use super::group::group;
-use super::{DepthPrior, Range};
+use super::{DepthPrior, Range, Spacing, Start};
 use crate::scene::init::FIRST_OPACITY;
 
 /// Least NCC of depths for training and first splats. A lower value would add bare ground (see
@@ -20,9 +20,10 @@ group! {
         /// that stereo improves while training goes on)
         #[arg(value_name = "SOURCE")]
         pub depth_prior: DepthPrior = DepthPrior::None,
-        /// Begin with N splats more, on surfaces that stereo has found; more show finer texture and need more memory and time (0: none)
-        #[arg(value_name = "N")]
-        pub stereo_splats: u32 = 0,
+        /// Begin with splats on the dataset's points (sfm), or on surfaces too that stereo finds in the training photographs (stereo),
+        /// which show finer texture
+        #[arg(value_name = "WHERE")]
+        pub start: Start = Start::Sfm,
         /// Weigh relative errors of depth by W in the loss; higher follows the known depths more and the photographs less
         #[arg(value_name = "W", help_heading = super::LOSS)]
         pub lambda_depth: f64 = 0.1; Range::WEIGHT,
@@ -40,14 +41,15 @@ group! {
         pub stereo_share: f64 = 0.12; Range::POSITIVE,
         /// Mask value from which a pixel is texture and left out of stereo (1: none is)
         pub stereo_texture: f64 = 1.0; Range::SHARE_ABOVE_0,
-        /// Splats of stereo for each photograph that its surfaces would fill, where that is more than stereo-splats and memory allows
-        /// it (0: stereo-splats as it is)
-        pub stereo_density: u32 = 0,
-        /// Upper limit of stereo-splats for each photograph that the surfaces would fill (0: no limit)
-        pub stereo_densest: u32 = 0,
-        /// Longer side of photographs, in pixels, that stereo-splats and stereo-density are for. Larger photographs begin with more
-        /// splats in proportion, at most to the square root of the steps (0: as many at any size)
-        pub stereo_splats_for: u32 = 0,
+        /// Splats that begin on stereo's surfaces (0: as many as the local frequency of the photographs asks for)
+        pub stereo_splats: u32 = 0,
+        /// Spacing of the splats of stereo. `uniform`: even in the photographs. `frequency`: by local frequency and by the mask, for the least
+        /// error in sum
+        pub stereo_spacing: Spacing = Spacing::Uniform,
+        /// Share of the local contrast that the first splats may lose where frequencies are low (mask value 0)
+        pub stereo_error_low: f64 = 0.3; Range::POSITIVE,
+        /// The same where frequencies are high (mask value 1)
+        pub stereo_error_high: f64 = 0.15; Range::POSITIVE,
         /// Width of the splats of stereo, as a share of the root mean square of the distances to the three nearest splats
         pub stereo_width: f64 = 1.0; Range::POSITIVE,
         /// Thickness of the splats of stereo along their normals, as a share of their width
@@ -132,21 +134,7 @@ impl Geometry {
 
     /// Whether the training begins with splats on stereo's surfaces.
     pub fn begins_on_surfaces(&self) -> bool {
-        self.stereo_splats > 0 || self.stereo_density > 0
-    }
-
-    /// Adapts a file's settings to `given` options. If the user gives a number of splats on surfaces, settings that
-    /// only refine that number are reset unless given too.
-    pub fn reset_density_refinements(&mut self, given: impl Fn(&str) -> bool) {
-        if !given("stereo-density") {
-            self.stereo_density = 0;
-        }
-        if self.stereo_density == 0 && !given("stereo-densest") {
-            self.stereo_densest = 0;
-        }
-        if self.stereo_density == 0 && !given("stereo-splats-for") {
-            self.stereo_splats_for = 0;
-        }
+        self.start == Start::Stereo
     }
 
     /// The settings of stereo.

@@ -86,6 +86,45 @@ pub enum SigmaLearning {
 words!(SigmaLearning, "way to learn sigma": Off = "off", Errors = "errors", Composite = "composite");
 as_word!(SigmaLearning);
 
+/// Where splats begin.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Start {
+    /// On the dataset's points.
+    #[default]
+    Sfm,
+    /// On the dataset's points, and on surfaces that stereo finds.
+    Stereo,
+}
+
+words!(Start, "start": Sfm = "sfm", Stereo = "stereo");
+as_word!(Start);
+
+/// How splats are kept few, and steps cheap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Housekeeping {
+    /// As the 3DGS reference does: opacity resets, pruning by opacity and size.
+    #[default]
+    Published,
+    /// Pruning by weight, fading in place of resets, steps of visible splats alone.
+    Lean,
+}
+
+words!(Housekeeping, "housekeeping": Published = "published", Lean = "lean");
+as_word!(Housekeeping);
+
+/// The spacing of the splats that begin on surfaces.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Spacing {
+    /// Even in the photographs.
+    #[default]
+    Uniform,
+    /// By the local frequency of the photographs, and by the mask.
+    Frequency,
+}
+
+words!(Spacing, "spacing": Uniform = "uniform", Frequency = "frequency");
+as_word!(Spacing);
+
 /// The source of depths and normals for training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DepthPrior {
