@@ -106,7 +106,7 @@ pub const ABLATIONS: [Ablation; 36] = [
     // The constrained set is what the stage leaves.
     Ablation {
         name: "no-low-stage",
-        options: &["--set=low-stage=0", "--set=lambda-constrained=0"],
+        options: &["--set=low-stage=0", "--set=lambda-constrained=0", "--set=sigma-learning=off"],
         primary: Primary::DepthErrorDown,
     },
     Ablation { name: "fixed-sigma", options: &["--set=sigma-learning=off"], primary: Primary::PsnrSeenUp },

@@ -302,8 +302,8 @@ mod tests {
         assert!(text.contains("n = 1.") && text.contains("All rows share: iterations 1."), "{text}");
     }
 
-    /// Scene a is 1 dB better, the mean of its seeds, and scene b 3: mean 2, half-width 12.706 x 1. Splats are a half and
-    /// a quarter: the geometric mean is 1 / sqrt 8.
+    /// Scene a is 1 dB better, the mean of its seeds, and scene b 3: mean 2, half-width 12.706 x 1. Splats are a half
+    /// and a quarter: the geometric mean is 1 / sqrt 8.
     #[test]
     fn the_scene_is_the_unit_and_its_seeds_are_averaged() {
         let all = [
@@ -388,9 +388,9 @@ mod tests {
         assert!(text.contains("Rows differ in: lambda-perceptual.") && !text.contains("3dgs\u{2020}"), "{text}");
     }
 
-    /// Three scenes. Without smoothness the depth error is larger by factors e^0.9, e^1 and e^1.1: t is 1 / (0.1 / sqrt 3),
-    /// and p = 1 - t / sqrt(2 + t^2) = 0.0033. Without flattening by e^0.5, e^1 and e^1.5: p = 0.0742. Holm's correction
-    /// over two gives 0.0066 and 0.0742.
+    /// Three scenes. Without smoothness the depth error is larger by factors e^0.9, e^1 and e^1.1: t is 1 / (0.1 / sqrt
+    /// 3), and p = 1 - t / sqrt(2 + t^2) = 0.0033. Without flattening by e^0.5, e^1 and e^1.5: p = 0.0742. Holm's
+    /// correction over two gives 0.0066 and 0.0742.
     #[test]
     fn a_part_pays_where_its_own_metric_tells_so_after_holm() {
         let mut all = Vec::new();

@@ -180,8 +180,8 @@ impl View {
         photograph::decode(self)
     }
 
-    /// The exposure that the camera noted in the file: time by sensitivity over the square of the f-number, of which the latter are 1
-    /// where they are not noted. `None` without a time.
+    /// The exposure that the camera noted in the file: time by sensitivity over the square of the f-number, of which
+    /// the latter are 1 where they are not noted. `None` without a time.
     pub fn noted_exposure(&self) -> Option<f64> {
         picture_file::noted_exposure(&self.path)
     }

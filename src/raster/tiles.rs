@@ -147,8 +147,8 @@ impl TileLists {
         TileLists::within(gpu, capacities, shape, ScratchBuffers { early: &early, slot_splat }, false)
     }
 
-    /// Like [`Self::with_shape`], in lent scratch memory: see [`ScratchLayout`]. `listed` keeps the visible splats in index
-    /// order for the optimiser.
+    /// Like [`Self::with_shape`], in lent scratch memory: see [`ScratchLayout`]. `listed` keeps the visible splats in
+    /// index order for the optimiser.
     pub(super) fn within(
         gpu: &Gpu,
         capacities: Capacities,

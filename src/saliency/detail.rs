@@ -15,9 +15,10 @@ const NOISE: f64 = 0.004;
 /// Standard deviation, in spacings, of the window in which what is lost is averaged.
 const WINDOW: f64 = 1.0;
 
-/// The widest spacing of splats, in pixels and for each pixel, at which the root mean square of what they lose of the luma
-/// stays within `share(pixel)` times the geometric mean of the local contrast and of [`CONTRAST`]: 1 where no spacing does, and
-/// the widest, about 11, where all do. Spacings between those that are tried are interpolated by logarithms.
+/// The widest spacing of splats, in pixels and for each pixel, at which the root mean square of what they lose of the
+/// luma stays within `share(pixel)` times the geometric mean of the local contrast and of [`CONTRAST`]: 1 where no
+/// spacing does, and the widest, about 11, where all do. Spacings between those that are tried are interpolated by
+/// logarithms.
 ///
 /// A share of the contrast alone would follow noise in a clear sky; an error alone would leave faint texture out.
 pub fn spacing(luma: &Plane, share: impl Fn(usize) -> f64) -> Result<Plane, Error> {

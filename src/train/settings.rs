@@ -179,8 +179,8 @@ group! {
         /// Change rotations at this rate
         #[arg(value_name = "RATE")]
         pub lr_rotations: f64 = 1e-3; Range::WEIGHT,
-        /// Learn a colour map of each photograph (affine), none (off), or affine where exposures differ and off elsewhere
-        /// (auto). Other viewers show the model without it
+        /// Learn a colour map of each photograph (affine), none (off), or affine where exposures differ and off
+        /// elsewhere (auto). Other viewers show the model without it
         #[arg(value_name = "KIND", help_heading = "Photographs")]
         pub exposure: Exposure = Exposure::Off,
     }

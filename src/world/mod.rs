@@ -3,8 +3,8 @@
 //! as a COLMAP dataset with its ground truth.
 //!
 //! The camera of a [`WorldView`] is that of the undistorted image. Photographs may be taken through a lens with
-//! distortion, whose undistorted image is exactly that of the view's camera. All ground truth is for the pixels of undistorted
-//! images.
+//! distortion, whose undistorted image is exactly that of the view's camera. All ground truth is for the pixels of
+//! undistorted images.
 //!
 //! World coordinates are metres, x east, y north, z up. [`WorldParams`], seed included, determine everything.
 

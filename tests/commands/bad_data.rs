@@ -222,7 +222,7 @@ fn a_dataset_is_checked_before_it_is_trained() {
     let plain: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!((&found["method"], &plain["method"]), (&"psrgs".into(), &"3dgs".into()));
     let splats = |of: &serde_json::Value| of["training"]["estimate"]["splats"].as_u64().expect("a number");
-    assert_eq!(splats(&found), splats(&plain) + 30_000);
+    assert!(splats(&found) > splats(&plain), "{} of {}", splats(&found), splats(&plain));
     assert!(found["training"]["device_bytes"].as_u64() > plain["training"]["device_bytes"].as_u64());
     let output = psrgs(&["check", text(data.path()), "--max-splats", "1000", "--json"]);
     let limited: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");

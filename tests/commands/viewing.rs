@@ -122,6 +122,8 @@ fn the_sets_of_the_stages_are_rendered_apart() {
         "--set",
         "sigma-every=5",
         "--set",
+        "sigma-learning=errors",
+        "--set",
         "low-stage=0.4",
         "--grad-threshold",
         "1e-4",

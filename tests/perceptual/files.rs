@@ -77,7 +77,7 @@ fn another_network_is_named_with_file_and_field() {
     assert!(error.to_string().starts_with("trunk.pth: "), "{error}");
     // SqueezeNet 1.0 begins with 96 filters of 7x7.
     let error = fails(&|trunk, _| trunk[0].1 = Tensor { shape: vec![96, 3, 7, 7], values: vec![0.0; 96 * 3 * 49] });
-    assert!(error.to_string().contains("[96, 3, 7, 7] where [64, 3, 3, 3]"), "{error}");
+    assert!(error.to_string().contains("[96, 3, 7, 7], expected [64, 3, 3, 3]"), "{error}");
     let error = fails(&|trunk, _| trunk[4].1.values[7] = f32::NAN);
     assert!(matches!(error, Error::Value { .. }), "{error}");
     let error = fails(&|_, linear| linear[5].1.values[7] = -0.5);

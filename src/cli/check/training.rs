@@ -115,7 +115,8 @@ fn planned(gpu: &Gpu, dataset: &Dataset, settings: &Settings, problems: &mut Vec
     })
 }
 
-/// Splats that begin on each photograph of surface, about: what local frequencies asked for on eight flights, in the mean.
+/// Splats that begin on each photograph of surface, about: what local frequencies asked for on eight flights, in the
+/// mean.
 const SPLATS_PER_PHOTOGRAPH: f64 = 6000.0;
 
 /// The splats that stereo will add, estimated from the reconstructed points.

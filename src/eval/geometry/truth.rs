@@ -76,8 +76,8 @@ pub struct Known {
 }
 
 impl Known {
-    /// The place in scene coordinates that a pixel shows, where its depth is known. `scale`: scene units per unit of the
-    /// dataset.
+    /// The place in scene coordinates that a pixel shows, where its depth is known. `scale`: scene units per unit of
+    /// the dataset.
     pub(super) fn point(&self, pixel: usize, scale: f64) -> Option<[f64; 3]> {
         let depth = self.depth.get(pixel).copied().filter(|z| *z > 0.0 && z.is_finite())?;
         let (x, y) = (pixel % self.camera.width as usize, pixel / self.camera.width as usize);

@@ -23,7 +23,8 @@ const FOLDS: u32 = 4;
 const ROUNDS: usize = 4;
 /// Differences beyond this many deviations count as these.
 const CLIPPED: f64 = 3.0;
-/// From a median of absolute values to a standard deviation, and from that of a sample to the one of the sample's median.
+/// From a median of absolute values to a standard deviation, and from that of a sample to the one of the sample's
+/// median.
 const MEDIAN_TO_DEVIATION: f64 = 1.4826;
 const MEDIAN_ERROR: f64 = 1.2533;
 
@@ -43,7 +44,8 @@ pub(super) struct Seen {
 /// How far gains of the photographs explain that colours differ.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ColourGains {
-    /// The share of the squared differences of left-out points that the gains take away, of what the viewing direction leaves.
+    /// The share of the squared differences of left-out points that the gains take away, of what the viewing direction
+    /// leaves.
     pub share: f64,
     /// The standard error of the share.
     pub share_error: f64,
@@ -51,8 +53,8 @@ pub struct ColourGains {
     pub spread: f64,
     /// Points that several photographs see.
     pub points: usize,
-    /// The logarithms of each photograph's gains of red, green and blue, 0 in the mean, with their standard errors, if directions explain
-    /// nothing; `None` where the photograph shows none of the points.
+    /// The logarithms of each photograph's gains of red, green and blue, 0 in the mean, with their standard errors, if
+    /// directions explain nothing; `None` where the photograph shows none of the points.
     pub gains: Vec<Option<[Gain; 3]>>,
 }
 
@@ -87,8 +89,8 @@ pub(super) fn fitted(seen: &[Seen], views: usize) -> Option<ColourGains> {
     })
 }
 
-/// The mean squared differences of the points of a fold, in the sum of the channels: without what the direction explains, and without what
-/// the gains explain too. Neither was fitted to these points.
+/// The mean squared differences of the points of a fold, in the sum of the channels: without what the direction
+/// explains, and without what the gains explain too. Neither was fitted to these points.
 fn squares(seen: &[Seen], views: usize, fold: u32) -> Option<[f64; 2]> {
     let known = Part::of(seen, views, |point| point % FOLDS != fold)?;
     let left_out = Part::of(seen, views, |point| point % FOLDS == fold)?;
@@ -167,7 +169,8 @@ impl Part {
         })
     }
 
-    /// What of a channel's values depends on the direction, by its terms: least squares in which far-off values weigh little.
+    /// What of a channel's values depends on the direction, by its terms: least squares in which far-off values weigh
+    /// little.
     fn direction(&self, colours: &[f64]) -> [f64; TERMS] {
         let mut weights = vec![1.0; colours.len()];
         let mut found = [0.0; TERMS];
@@ -203,8 +206,8 @@ impl Part {
         values.iter().zip(&self.view).map(|(value, view)| value - gains[*view]).collect()
     }
 
-    /// The gain of each photograph, 0 in the mean: the median over its points of what is above the point's own median over photographs, and
-    /// so on in turns.
+    /// The gain of each photograph, 0 in the mean: the median over its points of what is above the point's own median
+    /// over photographs, and so on in turns.
     fn gains(&self, values: &[f64]) -> Vec<f64> {
         let mut gains = vec![0.0; self.views.ends.len()];
         for _ in 0..ROUNDS {
@@ -273,7 +276,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     (lower + *upper) / 2.0
 }
 
-/// Solves symmetric equations of which the lower half is given, by Cholesky's method. What the directions do not tell stays near 0.
+/// Solves symmetric equations of which the lower half is given, by Cholesky's method. What the directions do not tell
+/// stays near 0.
 fn solved(mut squares: [[f64; TERMS]; TERMS], mut right: [f64; TERMS]) -> [f64; TERMS] {
     let trace: f64 = (0..TERMS).map(|k| squares[k][k]).sum();
     let ridge = 1e-6 * trace / TERMS as f64 + f64::MIN_POSITIVE;

@@ -13,8 +13,8 @@ use crate::scene::Camera;
 use crate::train::settings::{Exposure, Settings};
 use crate::train::{Error, Input, View};
 
-/// Exposures are learned if gains of the photographs explain more than this share, by two standard errors, of the colour
-/// differences that viewing directions leave. With gains painted on photographs this is where maps begin to pay.
+/// Exposures are learned if gains of the photographs explain more than this share, by two standard errors, of the
+/// colour differences that viewing directions leave. With gains painted on photographs this is where maps begin to pay.
 const SHARE: f64 = 0.3;
 /// The gains also have to change colours by at least this share.
 const SPREAD: f64 = 0.01;
@@ -25,14 +25,17 @@ const FEWEST_VIEWS: usize = 3;
 /// Points and observations that are looked at, at most.
 const MOST_POINTS: usize = 10_000;
 const MOST_SEEN: usize = 100_000;
-/// Half of the side of the square that a colour is the mean of, as a share of the longer side: keypoints are where colours change most.
+/// Half of the side of the square that a colour is the mean of, as a share of the longer side: keypoints are where
+/// colours change most.
 const BLUR: f64 = 0.0125;
 /// Values of 255 that are neither near black nor cut at white.
 const KNOWN: std::ops::Range<f64> = 10.0..245.0;
-/// Points in a cell of a picture, in the mean, and how much farther than the nearest of them a point may be that is not hidden.
+/// Points in a cell of a picture, in the mean, and how much farther than the nearest of them a point may be that is not
+/// hidden.
 const POINTS_PER_CELL: usize = 8;
 const DEEPER: f64 = 1.05;
-/// Spread of the exposures that cameras noted, as a root mean square of logarithms, from which on exposures are learned.
+/// Spread of the exposures that cameras noted, as a root mean square of logarithms, from which on exposures are
+/// learned.
 const NOTED: f64 = 0.05;
 
 /// What a decision about exposures is by.
@@ -40,7 +43,8 @@ const NOTED: f64 = 0.05;
 pub enum ExposureEvidence {
     /// Colours of points that several photographs show.
     Colours(ColourGains),
-    /// Exposure times, apertures and sensitivities in the files: the root mean square of their logarithms about the mean.
+    /// Exposure times, apertures and sensitivities in the files: the root mean square of their logarithms about the
+    /// mean.
     Noted(f64),
     /// Neither: exposures are taken as equal.
     Nothing,
@@ -84,8 +88,8 @@ impl fmt::Display for ExposureEvidence {
     }
 }
 
-/// Where `exposure` is `auto`: decides by the photographs to train on and puts the outcome into the settings, where a resumed run
-/// and a repeated one find it. Gives what the decision is by.
+/// Where `exposure` is `auto`: decides by the photographs to train on and puts the outcome into the settings, where a
+/// resumed run and a repeated one find it. Gives what the decision is by.
 pub fn decide_exposures(
     dataset: &Dataset,
     input: &Input,
@@ -119,8 +123,8 @@ struct Wanted {
     observers: Option<Vec<u32>>,
 }
 
-/// What the photographs show of points: of the reconstructed ones that enough of them observe, or, where nothing says who observes them,
-/// of those that lie in front in enough pictures.
+/// What the photographs show of points: of the reconstructed ones that enough of them observe, or, where nothing says
+/// who observes them, of those that lie in front in enough pictures.
 fn seen_points(dataset: &Dataset, views: &[View]) -> Result<Vec<Seen>, Error> {
     let wanted = wanted(dataset, views);
     let mut seen = Vec::new();
@@ -227,7 +231,8 @@ impl Front {
     }
 }
 
-/// The logarithms of the mean colour about a place; nothing where that is not all in the picture, or masked, near black or near white.
+/// The logarithms of the mean colour about a place; nothing where that is not all in the picture, or masked, near black
+/// or near white.
 fn colour(camera: &Camera, pixels: &Pixels, placed: &Placed) -> Option<[f64; 3]> {
     let [width, height] = [camera.width as usize, camera.height as usize];
     let radius = (BLUR * width.max(height) as f64).round().max(1.0) as usize;

@@ -230,8 +230,8 @@ const REFERENCE_STEPS: f64 = 1750.0;
 /// Share of `max-splats` that is left to splats on surfaces if there are more reconstructed points.
 const SURFACES_UNDER_A_LIMIT: f64 = 0.5;
 
-/// Number of splats that stereo adds to `points` before the first step: the number of the settings, or else `asked`, which
-/// local frequencies ask for. Half of the splats that `fit` into memory are left for growth.
+/// Number of splats that stereo adds to `points` before the first step: the number of the settings, or else `asked`,
+/// which local frequencies ask for. Half of the splats that `fit` into memory are left for growth.
 ///
 /// Half of `max-splats` is left for growth too, but not with `recycle-share`: the lightest splats then make room for
 /// growth, and splats that begin on a surface are worth more than splats grown later. If points and splats on surfaces
@@ -248,8 +248,8 @@ pub fn splats_on_surfaces(points: u32, asked: f64, fit: u32, settings: &Settings
     wanted.min(room)
 }
 
-/// Factor for the first splats, relative to photographs of [`REFERENCE_SIDE`]. Larger photographs show finer detail of the
-/// same surface, but a short training learns fewer splats.
+/// Factor for the first splats, relative to photographs of [`REFERENCE_SIDE`]. Larger photographs show finer detail of
+/// the same surface, but a short training learns fewer splats.
 fn finer(side: f64, steps: u32) -> f64 {
     (side / REFERENCE_SIDE).min((f64::from(steps) / REFERENCE_STEPS).sqrt()).max(1.0)
 }

@@ -125,9 +125,9 @@ fn rsgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     );
 }
 
-/// A shorter training is a whole one in fewer steps: a model in the middle of the published schedule has not been pruned.
-/// The published methods keep the published steps, as a model of 7,000 steps is known to be one in the middle. A user who
-/// names a step of the schedule has it there.
+/// A shorter training is a whole one in fewer steps: a model in the middle of the published schedule has not been
+/// pruned. The published methods keep the published steps, as a model of 7,000 steps is known to be one in the middle.
+/// A user who names a step of the schedule has it there.
 fn scale_schedule(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     if !["scale-schedule"].into_iter().chain(STEPS_OF_THE_SCHEDULE).any(named)
         && settings.run.iterations < Run::default().iterations
@@ -166,8 +166,8 @@ fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     );
 }
 
-/// The parts of the paper that `psrgs` and `psrgs-paper` share. Thresholds are staged as in the caption of the paper's second
-/// figure: high where frequencies are low.
+/// The parts of the paper that `psrgs` and `psrgs-paper` share. Thresholds are staged as in the caption of the paper's
+/// second figure: high where frequencies are low.
 fn parts_of_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     scale_schedule(settings, named);
     unless_named!(named, settings:

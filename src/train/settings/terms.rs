@@ -16,15 +16,16 @@ group! {
     /// Settings of depth and normals: their source, and their losses.
     pub struct Geometry("Model")
     options {
-        /// Take depths to train with from: none, stereo (the training photographs), lidar (the cloud of --lidar) or propagation (renders
-        /// that stereo improves while training goes on)
+        /// Take depths to train with from: none, stereo (the training photographs), lidar (the cloud of --lidar) or
+        /// propagation (renders that stereo improves while training goes on)
         #[arg(value_name = "SOURCE")]
         pub depth_prior: DepthPrior = DepthPrior::None,
-        /// Begin with splats on the dataset's points (sfm), or on surfaces too that stereo finds in the training photographs (stereo),
-        /// which show finer texture
+        /// Begin with splats on the dataset's points (sfm), or on surfaces too that stereo finds in the training
+        /// photographs (stereo), which show finer texture
         #[arg(value_name = "WHERE")]
         pub start: Start = Start::Sfm,
-        /// Weigh relative errors of depth by W in the loss; higher follows the known depths more and the photographs less
+        /// Weigh relative errors of depth by W in the loss; higher follows the known depths more and the photographs
+        /// less
         #[arg(value_name = "W", help_heading = super::LOSS)]
         pub lambda_depth: f64 = 0.1; Range::WEIGHT,
         /// Weigh errors of normals by W in the loss; higher makes smoother surfaces
@@ -36,21 +37,22 @@ group! {
     constants {
         /// Pixels of the longer side of the photographs that stereo compares, at most
         pub stereo_side: u32 = 160; Range::new("at least 16 pixels", |v| v >= 16.0),
-        /// Share of the time of the steps that stereo takes, at most: photographs become smaller, and sources and rounds fewer, until
-        /// it fits
+        /// Share of the time of the steps that stereo takes, at most: photographs become smaller, and sources and
+        /// rounds fewer, until it fits
         pub stereo_share: f64 = 0.12; Range::POSITIVE,
         /// Mask value from which a pixel is texture and left out of stereo (1: none is)
         pub stereo_texture: f64 = 1.0; Range::SHARE_ABOVE_0,
         /// Splats that begin on stereo's surfaces (0: as many as the local frequency of the photographs asks for)
         pub stereo_splats: u32 = 0,
-        /// Spacing of the splats of stereo. `uniform`: even in the photographs. `frequency`: by local frequency and by the mask, for the least
-        /// error in sum
+        /// Spacing of the splats of stereo. `uniform`: even in the photographs. `frequency`: by local frequency and by
+        /// the mask, for the least error in sum
         pub stereo_spacing: Spacing = Spacing::Uniform,
         /// Share of the local contrast that the first splats may lose where frequencies are low (mask value 0)
         pub stereo_error_low: f64 = 0.3; Range::POSITIVE,
         /// The same where frequencies are high (mask value 1)
         pub stereo_error_high: f64 = 0.15; Range::POSITIVE,
-        /// Width of the splats of stereo, as a share of the root mean square of the distances to the three nearest splats
+        /// Width of the splats of stereo, as a share of the root mean square of the distances to the three nearest
+        /// splats
         pub stereo_width: f64 = 1.0; Range::POSITIVE,
         /// Thickness of the splats of stereo along their normals, as a share of their width
         pub stereo_thickness: f64 = 1.0; Range::SHARE_ABOVE_0,
@@ -58,8 +60,8 @@ group! {
         pub stereo_opacity: f64 = FIRST_OPACITY; Range::new("a number above 0, below 1", |v| v > 0.0 && v < 1.0),
         /// Photographs that look at a place at most for stereo's surfaces to be continued there (0: nowhere)
         pub stereo_alone: u32 = 0,
-        /// Width of the skirt beside a photograph, as a share of its longer side: wide splats in the colours of its edge where no
-        /// photograph looks (0: no skirt)
+        /// Width of the skirt beside a photograph, as a share of its longer side: wide splats in the colours of its
+        /// edge where no photograph looks (0: no skirt)
         pub stereo_skirt: f64 = 0.0; Range::SHARE,
         /// Share of the steps that have a loss on depth and normals
         pub depth_steps: f64 = 0.5; Range::SHARE,
@@ -104,8 +106,8 @@ group! {
     constants {
         /// Weight of the correlation of gradient maps
         pub lambda_gradients: f64 = 0.0; Range::WEIGHT,
-        /// Weight of the correlation of gradient maps of the constrained set: the splats of the end of the low-frequency stage, rendered
-        /// alone
+        /// Weight of the correlation of gradient maps of the constrained set: the splats of the end of the
+        /// low-frequency stage, rendered alone
         pub lambda_constrained: f64 = 0.0; Range::WEIGHT,
         /// Weight of the total variation of the difference between render and photograph
         pub lambda_variation: f64 = 0.0; Range::WEIGHT,
