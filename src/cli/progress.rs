@@ -26,6 +26,8 @@ pub(crate) struct Progress {
     recent: std::collections::VecDeque<(u32, f64)>,
     line_at: Instant,
     estimated: bool,
+    /// Last step of the low-frequency stage; 0 without stages.
+    low_until: u32,
 }
 
 impl Progress {
@@ -45,7 +47,13 @@ impl Progress {
             recent: std::collections::VecDeque::new(),
             line_at: Instant::now(),
             estimated: false,
+            low_until: 0,
         }
+    }
+
+    /// Tells the stage of each step; `low_until` is the last step of low frequencies, or 0 without stages.
+    pub(crate) fn with_stages(self, low_until: u32) -> Self {
+        Self { low_until, ..self }
     }
 
     /// Reports a finished step; `seconds` counts from the start of training.
@@ -121,6 +129,9 @@ impl Progress {
 
     fn status(&self, step: u32, loss: f32, splats: u32) -> String {
         let mut text = format!("loss {loss:.4}  {}", counted(splats, "splat"));
+        if self.low_until > 0 {
+            text += if step <= self.low_until { "  low frequencies" } else { "  high frequencies" };
+        }
         if let Some(rate) = self.rate() {
             let left = f64::from(self.total.saturating_sub(step)) / rate;
             text += &format!("  {}  {} left", speed(rate), duration(left));
@@ -164,6 +175,9 @@ mod tests {
         (1..=100).for_each(|i| progress.step(10 + i, 0.1, 5, 100.0 + f64::from(i) * 0.5));
         assert!((progress.rate().unwrap() - 2.0).abs() < 1e-9);
         assert_eq!(progress.status(110, 0.1, 12_345), "loss 0.1000  12,345 splats  2.0 it/s  7 minutes left");
+        let staged = progress.with_stages(110);
+        assert!(staged.status(110, 0.1, 5).starts_with("loss 0.1000  5 splats  low frequencies  2.0 it/s"));
+        assert!(staged.status(111, 0.1, 5).starts_with("loss 0.1000  5 splats  high frequencies  2.0 it/s"));
     }
 
     #[test]

@@ -20,7 +20,7 @@ pub(super) fn follow(
     done: u32,
 ) -> anyhow::Result<f64> {
     let run = &plan.settings.run;
-    let mut progress = Progress::new(console, done, run.iterations);
+    let mut progress = Progress::new(console, done, run.iterations).with_stages(trainer.schedule().low_until);
     let mut seconds = 0.0;
     while let Some(message) = trainer.next_message()? {
         tell(&message, &mut progress);
