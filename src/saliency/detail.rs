@@ -16,7 +16,7 @@ const NOISE: f64 = 0.004;
 const WINDOW: f64 = 1.0;
 
 /// The widest spacing of splats, in pixels and for each pixel, at which the root mean square of what they lose of the
-/// luma stays within `share(pixel)` times the geometric mean of the local contrast and of [`CONTRAST`]: 1 where no
+/// luma stays within `share(pixel)` times the geometric mean of the local contrast and of 0.05: 1 where no
 /// spacing does, and the widest, about 11, where all do. Spacings between those that are tried are interpolated by
 /// logarithms.
 ///
