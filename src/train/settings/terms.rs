@@ -48,9 +48,9 @@ group! {
         /// the mask, for the least error in sum
         pub stereo_spacing: Spacing = Spacing::Uniform,
         /// Share of the local contrast that the first splats may lose where frequencies are low (mask value 0)
-        pub stereo_error_low: f64 = 0.3; Range::POSITIVE,
+        pub stereo_error_low: f64 = 0.22; Range::POSITIVE,
         /// The same where frequencies are high (mask value 1)
-        pub stereo_error_high: f64 = 0.15; Range::POSITIVE,
+        pub stereo_error_high: f64 = 0.11; Range::POSITIVE,
         /// Width of the splats of stereo, as a share of the root mean square of the distances to the three nearest
         /// splats
         pub stereo_width: f64 = 1.0; Range::POSITIVE,
