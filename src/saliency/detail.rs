@@ -15,6 +15,9 @@ const NOISE: f64 = 0.004;
 /// Standard deviation, in spacings, of the window in which what is lost is averaged.
 const WINDOW: f64 = 1.0;
 
+/// Spacings for which variation is computed: 1, 2, 4 and 8 pixels.
+const VARIATION_LEVELS: usize = 4;
+
 /// The widest spacing of splats, in pixels and for each pixel, at which the root mean square of what they lose of the
 /// luma stays within `share(pixel)` times the geometric mean of the local contrast and of 0.05: 1 where no
 /// spacing does, and the widest, about 11, where all do. Spacings between those that are tried are interpolated by
@@ -47,6 +50,53 @@ pub fn spacing(luma: &Plane, share: impl Fn(usize) -> f64) -> Result<Plane, Erro
     Ok(Plane::of(luma.width(), luma.height(), (0..values.len()).map(of)))
 }
 
+/// The structure tensor of luma (the xx, xy and yy parts of the mean product of gradients, per squared pixel) at
+/// places, each a pixel and the spacing of splats there: of what such splats show of the luma, over a spacing around.
+/// Flat fields and noise have less than [`variation_floor`].
+pub fn variation(luma: &Plane, places: &[(usize, f64)]) -> Vec<[f64; 3]> {
+    let size = (luma.width() as usize, luma.height() as usize);
+    let values: Vec<f64> = luma.values().iter().map(|v| f64::from(*v)).collect();
+    let level = |spacing: f64| spacing.log2().round().clamp(0.0, VARIATION_LEVELS as f64 - 1.0) as usize;
+    let mut found = vec![[0.0; 3]; places.len()];
+    for k in 0..VARIATION_LEVELS {
+        let at: Vec<usize> = (0..places.len()).filter(|&i| level(places[i].1) == k).collect();
+        if at.is_empty() {
+            continue;
+        }
+        let spacing = f64::from(1_u32 << k);
+        let gradients = scharr(&blur::gaussian(values.clone(), size, BLUR * spacing, Border::Reflect), size);
+        let parts = [[0, 0], [0, 1], [1, 1]].map(|[a, b]| {
+            let products = gradients.iter().map(|gradient| gradient[a] * gradient[b]).collect();
+            blur::gaussian(products, size, WINDOW * spacing, Border::Reflect)
+        });
+        for i in at {
+            found[i] = [0, 1, 2].map(|part| parts[part].get(places[i].0).copied().unwrap_or(0.0));
+        }
+    }
+    found
+}
+
+/// Variation below which nothing is seen, at a spacing: an invisible difference of luma from one splat to the next.
+pub fn variation_floor(spacing: f64) -> f64 {
+    (NOISE / spacing).powi(2)
+}
+
+/// Derivatives along x and y, with Scharr's weights: equally exact in all directions.
+fn scharr(values: &[f64], (width, height): (usize, usize)) -> Vec<[f64; 2]> {
+    let at = |x: usize, dx: isize, y: usize, dy: isize| {
+        let column = blur::at(x as isize + dx, width, Border::Reflect);
+        values[blur::at(y as isize + dy, height, Border::Reflect) * width + column]
+    };
+    let weights = [(-1, 3.0 / 32.0), (0, 10.0 / 32.0), (1, 3.0 / 32.0)];
+    let of = |pixel: usize| {
+        let (x, y) = (pixel % width, pixel / width);
+        let along_x = weights.iter().map(|&(d, weight)| weight * (at(x, 1, y, d) - at(x, -1, y, d))).sum();
+        let along_y = weights.iter().map(|&(d, weight)| weight * (at(x, d, y, 1) - at(x, d, y, -1))).sum();
+        [along_x, along_y]
+    };
+    (0..values.len()).map(of).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -65,6 +115,29 @@ mod tests {
         let [short, long] = [8.0, 16.0].map(|length| middle(&wave(length), 0.3));
         assert!((long / short - 2.0).abs() < 0.2, "{short} {long}");
         assert!(middle(&wave(8.0), 0.15) < 0.8 * short, "less error asks for more splats");
+    }
+
+    /// A wave in a direction, of a length well above the spacing: variation is a^2 (2 pi / length)^2 / 2 along it.
+    #[test]
+    fn variation_is_that_of_the_wave_in_its_direction() {
+        let (length, amplitude) = (16.0, 0.1);
+        for degrees in [0.0_f64, 25.0, 45.0, 90.0, 160.0] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let phase = |x: usize, y: usize| std::f64::consts::TAU * (x as f64 * cos + y as f64 * sin) / length;
+            let plane = of(|x, y| 0.5 + amplitude * phase(x, y).sin());
+            let middles: Vec<(usize, f64)> = (0..16).map(|k| ((24 + k) * 64 + 24 + k, 2.0)).collect();
+            let all = variation(&plane, &middles);
+            let [xx, xy, yy] = [0, 1, 2].map(|part| all.iter().map(|found| found[part]).sum::<f64>() / 16.0);
+            let along = xx * cos * cos + 2.0 * xy * cos * sin + yy * sin * sin;
+            let across = xx * sin * sin - 2.0 * xy * cos * sin + yy * cos * cos;
+            // The blur of a splat's spacing, which takes 14 % of the amplitude, and the finite difference lower it.
+            let want = (amplitude * std::f64::consts::TAU / length).powi(2) / 2.0;
+            assert!((0.6..0.9).contains(&(along / want)), "{degrees}: {along} of {want}");
+            assert!(across.abs() < 1e-3 * along, "{degrees}: {across} across, {along} along");
+        }
+        assert!(variation(&of(|_, _| 0.5), &[(2080, 4.0)])[0].iter().all(|v| v.abs() < 1e-12));
+        let faint = variation(&of(|x, y| 0.5 + 0.002 * f64::from((x * 7 + y * 3) as u32 % 3)), &[(2080, 4.0)])[0];
+        assert!(faint.iter().all(|v| *v < variation_floor(4.0)), "{faint:?}");
     }
 
     #[test]

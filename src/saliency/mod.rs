@@ -42,7 +42,7 @@ mod spectrum;
 
 pub use cache::Cache;
 pub use curve::{Agreement, Curve, agreement, spaced};
-pub use detail::spacing;
+pub use detail::{spacing, variation, variation_floor};
 pub use error::Error;
 pub use features::{Features, RINGS};
 pub use gate::{Gate, Saliency};

@@ -2,6 +2,7 @@
 
 use std::num::NonZero;
 
+use glam::{Quat, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
@@ -79,6 +80,24 @@ pub fn lay_flat(gaussians: &mut Gaussians, first: usize, normals: &[[f32; 3]], t
         let length = half.iter().map(|h| h * h).sum::<f32>().sqrt();
         quat.copy_from_slice(&[half[0] / length, half[1] / length, half[2] / length, 0.0]);
         scale[2] += thickness.ln() as f32;
+    }
+}
+
+/// Makes flat Gaussians from `first` on long in a direction: each is turned about its third axis until the first axis
+/// has the unit direction given for it (scene frame, across the third axis), and the second is `ratio` times as wide as
+/// the first. The product of both widths stays.
+pub fn stretch(gaussians: &mut Gaussians, first: usize, along: &[([f32; 3], f64)]) {
+    let quats = gaussians.quats.chunks_exact_mut(4).skip(first);
+    let scales = gaussians.scales.chunks_exact_mut(3).skip(first);
+    for ((quat, scale), (direction, ratio)) in quats.zip(scales).zip(along) {
+        let now = Quat::from_xyzw(quat[1], quat[2], quat[3], quat[0]);
+        let direction = Vec3::from_array(*direction);
+        let angle = direction.dot(now * Vec3::Y).atan2(direction.dot(now * Vec3::X));
+        let turned = (now * Quat::from_rotation_z(angle)).normalize();
+        quat.copy_from_slice(&[turned.w, turned.x, turned.y, turned.z]);
+        let half = (0.5 * ratio.ln()) as f32;
+        scale[0] -= half;
+        scale[1] += half;
     }
 }
 
@@ -183,12 +202,34 @@ mod tests {
         assert_eq!((&out.quats[..12], &out.scales[..9]), (&round.quats[..12], &round.scales[..9]));
         for (k, normal) in normals.iter().enumerate() {
             let q = &out.quats[4 * (3 + k)..][..4];
-            let turned = glam::Quat::from_xyzw(q[1], q[2], q[3], q[0]) * glam::Vec3::Z;
-            let along = turned.dot(glam::Vec3::from_array(*normal)).abs();
+            let turned = Quat::from_xyzw(q[1], q[2], q[3], q[0]) * Vec3::Z;
+            let along = turned.dot(Vec3::from_array(*normal)).abs();
             assert!((along - 1.0).abs() < 1e-6, "{normal:?}: {turned}");
             let (now, before) = (&out.scales[3 * (3 + k)..][..3], &round.scales[3 * (3 + k)..][..3]);
             assert_eq!(now[..2], before[..2]);
             assert!((now[2] - before[2] - 0.25_f32.ln()).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn stretched_ones_are_long_in_their_direction() {
+        let mut out = from_points(&random_points(4), &Frame::IDENTITY).expect("points");
+        let third = 1.0 / 3.0_f32.sqrt();
+        let normals = [[0.0, 0.0, -1.0], [third, -third, -third], [0.0, 1.0, 0.0]];
+        lay_flat(&mut out, 1, &normals, 0.25);
+        let flat = out.clone();
+        let half = 0.5_f32.sqrt();
+        let along = [([0.6, -0.8, 0.0], 0.5), ([half, half, 0.0], 1.0 / 3.0), ([-1.0, 0.0, 0.0], 1.0)];
+        stretch(&mut out, 1, &along);
+        assert_eq!((&out.quats[..4], &out.scales[..3]), (&flat.quats[..4], &flat.scales[..3]));
+        for (k, ((direction, ratio), normal)) in along.iter().zip(normals).enumerate() {
+            let q = &out.quats[4 * (1 + k)..][..4];
+            let turned = Quat::from_xyzw(q[1], q[2], q[3], q[0]);
+            assert!((turned * Vec3::X).dot(Vec3::from_array(*direction)) > 1.0 - 1e-5, "{k}: {turned}");
+            assert!((turned * Vec3::Z).dot(Vec3::from_array(normal)).abs() > 1.0 - 1e-5, "{k}: {turned}");
+            let (now, before) = (&out.scales[3 * (1 + k)..][..3], &flat.scales[3 * (1 + k)..][..3]);
+            assert!((now[0] + now[1] - before[0] - before[1]).abs() < 1e-5 && now[2] == before[2]);
+            assert!((f64::from(now[1] - now[0]).exp() - ratio).abs() < 1e-5);
         }
     }
 

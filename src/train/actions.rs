@@ -1,11 +1,10 @@
 //! What the host does to the model between steps. Each action has a file of its own, implements [`HostAction`], and is
 //! listed in [`Actions::new`]; nothing else knows an action by name.
 
-mod cloud;
+mod given;
 mod propagate;
 mod propagation;
 mod prune;
-mod skirt;
 mod sparse_sh;
 
 use super::Error;
@@ -16,10 +15,9 @@ use super::schedule::{Event, Schedule};
 use super::settings::Settings;
 use crate::vk::Gpu;
 
-use cloud::KeepToCloud;
+use given::{AddSkirt, KeepToCloud};
 use propagate::Propagate;
 use prune::Prune;
-use skirt::AddSkirt;
 use sparse_sh::SettleHarmonics;
 
 /// Something that the host does before an event.

@@ -4,6 +4,7 @@ mod colour_gains;
 mod colours;
 mod exposures;
 mod setup;
+mod shapes;
 mod spacing;
 mod stereo;
 mod stereo_cost;

@@ -13,6 +13,14 @@ use crate::train::settings::Settings;
 /// p), and their sum is least at A^(2 / (p + 2)); p is about 1 for common texture.
 const EVENNESS: f64 = 1.0 / 3.0;
 
+/// A point at which a splat begins.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Chosen<'a> {
+    pub(super) point: &'a FusedPoint,
+    /// From one splat to the next around the point, in pixels of the point's first view.
+    pub(super) spacing: f64,
+}
+
 /// How many splats each pixel of each view is to begin with, at most one: row by row for each view.
 pub(super) struct Densities(Vec<Vec<f32>>);
 
@@ -51,8 +59,15 @@ impl Densities {
         points.iter().map(|point| self.of(point)).sum::<f64>() / points.len().max(1) as f64
     }
 
-    /// `count` of the points, or all where there are fewer, as dense as the densities say.
-    pub(super) fn choose<'a>(&self, points: &'a [FusedPoint], cameras: &[Camera], count: usize) -> Vec<&'a FusedPoint> {
+    /// `count` of the points, or all where there are fewer, as dense as the densities say. There are `layers` points for
+    /// each pixel of surface.
+    pub(super) fn choose<'a>(
+        &self,
+        points: &'a [FusedPoint],
+        cameras: &[Camera],
+        count: usize,
+        layers: f64,
+    ) -> Vec<Chosen<'a>> {
         let count = count.min(points.len());
         // Points that are neighbours in a view are neighbours in this order, which leaves and comes back to no place.
         let mut order: Vec<usize> = (0..points.len()).collect();
@@ -65,10 +80,11 @@ impl Densities {
         let times = factor(&densities, count as f64);
         let (mut chosen, mut sum) = (Vec::with_capacity(count), 0.5);
         for (&i, density) in order.iter().zip(&densities) {
-            sum += (density * times).min(1.0);
+            let taken = (density * times).min(1.0);
+            sum += taken;
             if sum >= 1.0 && chosen.len() < count {
                 sum -= 1.0;
-                chosen.push(&points[i]);
+                chosen.push(Chosen { point: &points[i], spacing: 1.0 / (taken * layers).sqrt() });
             }
         }
         chosen
@@ -117,8 +133,13 @@ mod tests {
         let points: Vec<FusedPoint> = (0..size * size).map(point).collect();
         // Splats are twice as dense on the right, where equal errors would ask for eight times as many.
         let density = (0..size * size).map(|k| if k % size < size / 2 { 0.05 } else { 0.4 }).collect();
-        let chosen = Densities(vec![density]).choose(&points, &[camera], 1000);
+        let chosen = Densities(vec![density]).choose(&points, &[camera], 1000, 1.0);
         assert_eq!(chosen.len(), 1000);
+        // Two in three splats are on the right half, which is 32 times 64 pixels large.
+        let want =
+            |chosen: &Chosen<'_>| (2048.0 / if chosen.point.first.1 % size < 32 { 333.0 } else { 667.0_f64 }).sqrt();
+        assert!(chosen.iter().all(|chosen| (chosen.spacing / want(chosen) - 1.0).abs() < 0.01));
+        let chosen: Vec<&FusedPoint> = chosen.iter().map(|chosen| chosen.point).collect();
         let right = chosen.iter().filter(|p| p.position[0] >= f64::from(size / 2)).count();
         assert!(right.abs_diff(667) <= 2, "{right}");
         // Evenly within: no square of 8 x 8 pixels lacks its share.

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::spacing::Densities;
+use super::shapes::{Shape, shapes, widen_by_density};
+use super::spacing::{Chosen, Densities};
 use super::spread;
 use super::stereo_cost::{leave_out_texture, stereo_settings};
 use crate::dataset::{Dataset, HostShare, Role};
@@ -95,7 +96,11 @@ pub fn compute_stereo_priors(
         let fused = stereo.fused(settings, &wanted);
         if starts {
             let chosen = chosen_on_surfaces(gpu, input, training, stereo, &fused)?;
-            report.splats = begin_on(&chosen, training, dataset, input)?;
+            let shapes = match settings.stereo_axes > 0.0 || settings.stereo_width_density > 0.0 {
+                true => shapes(&stereo.scene.views, &chosen)?,
+                false => Vec::new(),
+            };
+            report.splats = begin_on(&chosen, &shapes, training, dataset, input)?;
         }
         if made {
             cloud = Some(fused.iter().map(|p| p.position).collect());
@@ -137,7 +142,7 @@ fn chosen_on_surfaces<'a>(
     training: &Settings,
     matched: &MatchedViews,
     fused: &'a [FusedPoint],
-) -> Result<Vec<&'a FusedPoint>, Error> {
+) -> Result<Vec<Chosen<'a>>, Error> {
     let points = input.initial.len() as u32;
     let variants = chosen_variants(gpu, training)?;
     let fit = MemoryPlan::new(gpu, input, training, variants, Pacing::default(), points)?.most_splats.0;
@@ -157,7 +162,9 @@ fn chosen_on_surfaces<'a>(
         Spacing::Uniform => Densities::uniform(scene),
     };
     let cameras: Vec<Camera> = scene.views.iter().map(|view| view.camera).collect();
-    Ok(spacing.choose(fused, &cameras, count))
+    // Where no surface is known, a point is a pixel.
+    let layers = if surface > 0.0 { fused.len() as f64 / surface } else { 1.0 };
+    Ok(spacing.choose(fused, &cameras, count, layers))
 }
 
 /// Depths and normals of the training views, from stereo or else from the cloud.
@@ -316,8 +323,15 @@ impl MatchedViews {
 }
 
 /// Adds `more` splats on surfaces, at most as many as there are fused points, to the first model, and returns how many.
-/// Width, thickness and opacity are those of the settings. Reconstructed points are left out beyond `max-splats`.
-fn begin_on(chosen: &[&FusedPoint], settings: &Settings, dataset: &Dataset, input: &mut Input) -> Result<usize, Error> {
+/// Width, thickness and opacity are those of the settings; `shapes` has one shape for each splat, or none at all.
+/// Reconstructed points are left out beyond `max-splats`.
+fn begin_on(
+    chosen: &[Chosen<'_>],
+    shapes: &[Shape],
+    settings: &Settings,
+    dataset: &Dataset,
+    input: &mut Input,
+) -> Result<usize, Error> {
     if chosen.is_empty() {
         return Ok(0);
     }
@@ -327,11 +341,18 @@ fn begin_on(chosen: &[&FusedPoint], settings: &Settings, dataset: &Dataset, inpu
     let painted = input.optional.coloured.as_ref().map(|coloured| spread(&coloured.colours, room));
     let colour = |k: usize| painted.as_ref().and_then(|all| all.get(k)).map_or(kept[k].colour, |colour| **colour);
     let reconstructed = kept.iter().enumerate().map(|(k, p)| (p.position, colour(k)));
-    let found = chosen.iter().map(|p| (dataset.frame.to_dataset(p.position), p.colour));
+    let found = chosen.iter().map(|c| (dataset.frame.to_dataset(c.point.position), c.point.colour));
     input.initial = init::from_points(&reconstructed.chain(found).collect::<Vec<_>>(), &dataset.frame)?;
-    let normals: Vec<[f32; 3]> = chosen.iter().map(|p| p.normal).collect();
+    let normals: Vec<[f32; 3]> = chosen.iter().map(|c| c.point.normal).collect();
     let geometry = &settings.geometry;
+    if geometry.stereo_width_density > 0.0 {
+        widen_by_density(&mut input.initial, kept.len(), shapes, geometry.stereo_width_density);
+    }
     init::lay_flat(&mut input.initial, kept.len(), &normals, geometry.stereo_thickness);
+    if geometry.stereo_axes > 0.0 {
+        let along = |shape: &Shape| (shape.along, shape.ratio.powf(geometry.stereo_axes));
+        init::stretch(&mut input.initial, kept.len(), &shapes.iter().map(along).collect::<Vec<_>>());
+    }
     init::widen(&mut input.initial, kept.len(), geometry.stereo_width);
     init::make_opaque(&mut input.initial, kept.len(), geometry.stereo_opacity);
     Ok(chosen.len())

@@ -1,0 +1,72 @@
+//! What a training is given besides photographs and a first model: a cloud that growth keeps to, and splats where no
+//! photograph looks.
+
+use std::sync::Arc;
+
+use super::{Change, HostAction};
+use crate::raster::MEANS;
+use crate::scene::Gaussians;
+use crate::train::Error;
+use crate::train::cloud::ProximityIndex;
+use crate::train::engine::Engine;
+use crate::train::message::Message;
+use crate::train::schedule::{Event, Kind, Schedule};
+
+/// Splats far from the cloud do not grow in a density change.
+pub(super) struct KeepToCloud {
+    gate: Option<Arc<ProximityIndex>>,
+}
+
+impl KeepToCloud {
+    /// Without a `gate` splats grow everywhere.
+    pub(super) fn new(gate: Option<Arc<ProximityIndex>>) -> Self {
+        Self { gate }
+    }
+}
+
+impl HostAction for KeepToCloud {
+    fn due(&self, _: &Schedule, event: Event) -> bool {
+        self.gate.is_some() && event.kind == Kind::Density
+    }
+
+    /// The schedule makes up for missed steps before every density change.
+    fn catches_up(&self) -> bool {
+        false
+    }
+
+    fn run(&mut self, engine: &mut Engine, _: &Schedule, _: u32) -> Result<Option<Change>, Error> {
+        let Some(gate) = &self.gate else { return Ok(None) };
+        let means = engine.rows(MEANS, engine.splats()?)?;
+        engine.limit_growth_to(&gate.near(&means))?;
+        Ok(None)
+    }
+}
+
+/// Adds splats where no photograph looks.
+pub(super) struct AddSkirt {
+    skirt: Option<Arc<Gaussians>>,
+}
+
+impl AddSkirt {
+    pub(super) fn new(skirt: Option<Arc<Gaussians>>) -> Self {
+        Self { skirt }
+    }
+}
+
+impl HostAction for AddSkirt {
+    fn due(&self, schedule: &Schedule, event: Event) -> bool {
+        event.kind == Kind::Step && schedule.skirts(event.step)
+    }
+
+    fn catches_up(&self) -> bool {
+        true
+    }
+
+    fn run(&mut self, engine: &mut Engine, _: &Schedule, step: u32) -> Result<Option<Change>, Error> {
+        let Some(skirt) = &self.skirt else { return Ok(Some(Change::default())) };
+        let appended = engine.append(skirt)?;
+        let (added, splats) = (appended.added, appended.splats);
+        let message = (added > 0).then_some(Message::Skirted { step, added, splats });
+        Ok(Some(Change::appended(appended, message)))
+    }
+}
