@@ -16,7 +16,7 @@ use std::process::Command;
 use image::{Rgb, RgbImage};
 use psrgs_vk::eval::{
     Curve, CurveForm, DepthMap, ExposureScores, Geometry, ImageScore, Metrics, ReportData, ReportError, StagePanel,
-    ViewPanel, render_report, write_report,
+    TrainingScores, ViewPanel, render_report, write_report,
 };
 use psrgs_vk::world::{World, WorldParams};
 
@@ -40,6 +40,8 @@ fn metrics(images: Vec<ImageScore>) -> Metrics {
         lpips_squeeze: None,
         gmsd: None,
         psnr_high_frequency: None,
+        psnr_training: None,
+        ssim_training: None,
         splats: 48_213,
         bytes: 11_957_120,
         seconds: 283.4,
@@ -368,6 +370,8 @@ fn metrics_have_exactly_the_promised_keys() {
         }
     };
     let m = metrics(vec![score("a.jpg", 20.0, 0.5), score("b.jpg", 23.0, 0.7)]);
+    let m = m.with_training(TrainingScores { psnr: Some(25.0), ssim: Some(0.75) });
+    assert_eq!(m.fitted_by_heart(), Some(3.5));
     m.write(&path).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     let json: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -388,6 +392,8 @@ fn metrics_have_exactly_the_promised_keys() {
         "seen",
         "psnr_cc",
         "ssim",
+        "psnr_training",
+        "ssim_training",
         "splats",
         "bytes",
         "seconds",
@@ -406,6 +412,7 @@ fn metrics_have_exactly_the_promised_keys() {
     assert_eq!((json["psnr"].as_f64(), json["ssim"].as_f64()), (Some(21.5), Some(0.6)));
     assert_eq!((json["psnr_seen"].as_f64(), json["seen"].as_f64()), (Some(22.5), Some(0.9)));
     assert_eq!((json["psnr_cc"].as_f64(), json["images"][0]["psnr_cc"].as_f64()), (Some(23.5), Some(22.0)));
+    assert_eq!((json["psnr_training"].as_f64(), json["ssim_training"].as_f64()), (Some(25.0), Some(0.75)));
     assert_eq!(json["images"][1]["name"], "b.jpg");
     assert_eq!(Metrics::read(&path).unwrap(), m);
 

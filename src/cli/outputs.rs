@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use psrgs_vk::dataset::{Dataset, Role, Warning};
 use psrgs_vk::eval::{
-    self, ExposureScores, Geometry, GeometryError, Metrics, SeenPixels, TrainingPhotograph, geometry, median_loss,
-    misfits,
+    self, ExposureScores, Geometry, GeometryError, Metrics, SeenPixels, TrainingPhotograph, TrainingScores, geometry,
+    median_loss, misfits,
 };
 use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile, FRAME_FILE, FrameFile, ply};
 use psrgs_vk::numbers::{counted, grouped, of_count, percent};
@@ -51,6 +51,11 @@ pub(crate) fn write(
     let Compared { images, mut panels, exposures } = compare(run, trainer, &views, lpips, console)?;
     // Peak memory of the training, before the report takes memory of its own.
     let peak_device_bytes = run.gpu.memory_use().peak;
+    // A photograph that is gone by now must not cost the results of a training.
+    let of_training = trainer.training_scores().unwrap_or_else(|problem| {
+        console.warn(format_args!("photographs trained on are not scored: {problem}"));
+        TrainingScores::default()
+    });
     if let Some(first) = saved.constrained {
         // Renders of the stages need memory for a second copy of the model.
         if let Err(problem) = stages::add(run, trainer, &saved.model, first, &views, &mut panels) {
@@ -63,7 +68,8 @@ pub(crate) fn write(
         console.warn(format_args!("the geometry is not judged: {problem:#}"));
         Geometry::default()
     });
-    let metrics = metrics(run, trainer, &saved, exposures, geometry, peak_device_bytes).with_images(images);
+    let metrics = metrics(run, trainer, &saved, exposures, geometry, peak_device_bytes);
+    let metrics = metrics.with_images(images).with_training(of_training);
     metrics.write(&run.folder.file(METRICS))?;
     let report = run.folder.file(REPORT);
     let data = report::data(run, trainer.history(), metrics, panels, saved.exposures, sigmas)?;
@@ -179,6 +185,8 @@ fn metrics(
         lpips_squeeze: None,
         gmsd: None,
         psnr_high_frequency: None,
+        psnr_training: None,
+        ssim_training: None,
         splats: saved.model.len(),
         bytes: saved.bytes,
         seconds: saved.seconds,
@@ -246,6 +254,11 @@ fn tell(metrics: &Metrics, model: &Path, report: &Path, console: &Console) {
         if let Some(scores) = &metrics.exposures {
             console.say(exposure_args::line(scores));
         }
+    }
+    if let (Some(psnr), Some(ssim)) = (metrics.psnr_training, metrics.ssim_training) {
+        let more = metrics.fitted_by_heart().filter(|more| *more > 0.0);
+        let more = more.map_or_else(String::new, |more| format!("; {more:.2} dB are fitted by heart"));
+        console.say(format_args!("photographs trained on: PSNR {psnr:.2} dB, SSIM {ssim:.4}{more}"));
     }
     let seconds = metrics.seconds;
     let shares: Vec<String> = [("stereo", metrics.seconds_stereo), ("masks", metrics.seconds_saliency)]

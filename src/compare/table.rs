@@ -53,8 +53,8 @@ pub struct Summary {
     pub size: Size,
     /// Number of seeds.
     pub seeds: usize,
-    /// PSNR of what is seen, PSNR, SSIM, LPIPS, GMSD, psnr_cc, psnr_hf, splats, bytes and seconds. `None` where no run
-    /// has the number.
+    /// PSNR of what is seen, PSNR, SSIM, LPIPS, GMSD, psnr_cc, psnr_hf, PSNR and SSIM of photographs trained on, splats,
+    /// bytes and seconds. `None` where no run has the number.
     pub values: Vec<Option<Spread>>,
 }
 
@@ -62,7 +62,7 @@ pub struct Summary {
 pub(super) type Number = fn(&Finished) -> Option<f64>;
 
 /// The columns of the table: heading, name in the CSV file, digits after the point, and the number.
-pub(super) const COLUMNS: [(&str, &str, usize, Number); 10] = [
+pub(super) const COLUMNS: [(&str, &str, usize, Number); 12] = [
     ("PSNR of what is seen", "psnr_seen", 2, |f| f.metrics.psnr_seen),
     ("PSNR", "psnr", 2, |f| f.metrics.psnr),
     ("SSIM", "ssim", 4, |f| f.metrics.ssim),
@@ -70,6 +70,8 @@ pub(super) const COLUMNS: [(&str, &str, usize, Number); 10] = [
     ("GMSD", "gmsd", 4, |f| f.metrics.gmsd),
     ("psnr_cc", "psnr_cc", 2, |f| f.metrics.psnr_cc),
     ("psnr_hf", "psnr_hf", 2, |f| f.metrics.psnr_high_frequency),
+    ("PSNR, trained on", "psnr_training", 2, |f| f.metrics.psnr_training),
+    ("SSIM, trained on", "ssim_training", 4, |f| f.metrics.ssim_training),
     ("splats", "splats", 0, |f| Some(f.metrics.splats as f64)),
     ("bytes", "bytes", 0, |f| Some(f.metrics.bytes as f64)),
     ("seconds", "seconds", 0, |f| Some(f.seconds)),

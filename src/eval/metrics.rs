@@ -116,6 +116,13 @@ pub struct Metrics {
     /// Mean of the views' PSNR where their photographs have high frequencies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_high_frequency: Option<f64>,
+    /// Mean PSNR of the final model on photographs that it was trained on: all, or 32 that are evenly spaced in the
+    /// order of their names. What it is above `psnr` is fitted by heart. Absent where a model was only scored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_training: Option<f64>,
+    /// Mean SSIM on the same photographs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ssim_training: Option<f64>,
     /// Gaussians of the final model.
     pub splats: usize,
     /// Size of `point_cloud.ply` in bytes.
@@ -243,6 +250,17 @@ impl Metrics {
         self.psnr_high_frequency = mean_if_all(images.iter().map(|i| i.psnr_high_frequency));
         self.images = images;
         self
+    }
+
+    /// Sets the scores of photographs that were trained on.
+    pub fn with_training(mut self, scores: super::TrainingScores) -> Self {
+        (self.psnr_training, self.ssim_training) = (scores.psnr, scores.ssim);
+        self
+    }
+
+    /// Decibels that photographs trained on are rendered better than held-out ones.
+    pub fn fitted_by_heart(&self) -> Option<f64> {
+        Some(self.psnr_training? - self.psnr?)
     }
 
     /// Writes `metrics.json`.

@@ -27,4 +27,4 @@ pub use report::{
 pub use seen::SeenPixels;
 pub use ssim::{psnr, psnr_where, ssim, ssim_where};
 pub use texture::psnr_high_frequency;
-pub use training_photographs::{TrainingPhotograph, median_loss, misfits, worst_first};
+pub use training_photographs::{TrainingPhotograph, TrainingScores, median_loss, misfits, worst_first};

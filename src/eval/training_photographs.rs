@@ -1,6 +1,8 @@
-//! How well a training came to fit each of its photographs.
+//! How well a training came to fit each of its photographs, and how well its model renders some of them.
 
 use serde::{Deserialize, Serialize};
+
+use crate::numbers::mean;
 
 /// With fewer photographs none stands out.
 const LEAST: usize = 8;
@@ -23,6 +25,32 @@ pub struct TrainingPhotograph {
     /// Why it was left out of training; absent where it was not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_out: Option<String>,
+}
+
+/// Most training photographs that a finished model is scored on.
+const SCORED: usize = 32;
+
+/// Mean scores of a model on photographs that it was trained on, taken as those of held-out photographs. What they are
+/// above those is fitted by heart.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TrainingScores {
+    /// Mean PSNR in decibels; `None` where a render equals its photograph.
+    pub psnr: Option<f64>,
+    /// Mean SSIM.
+    pub ssim: Option<f64>,
+}
+
+impl TrainingScores {
+    /// The photographs that are scored, of `photographs` in their order: all, or 32 that are evenly spaced.
+    pub fn sample(photographs: usize) -> Vec<usize> {
+        let scored = photographs.min(SCORED);
+        (0..scored).map(|k| k * photographs / scored).collect()
+    }
+
+    /// The means of PSNR and SSIM of each.
+    pub(crate) fn of(each: &[(f64, f64)]) -> Self {
+        Self { psnr: mean(each.iter().map(|(psnr, _)| *psnr)), ssim: mean(each.iter().map(|(_, ssim)| *ssim)) }
+    }
 }
 
 /// Puts those first that are fitted worst; those without a loss come last.
@@ -63,6 +91,21 @@ mod tests {
             left_out: None,
         };
         losses.iter().enumerate().map(one).collect()
+    }
+
+    #[test]
+    fn photographs_to_score_are_evenly_spaced() {
+        assert_eq!(TrainingScores::sample(0), Vec::<usize>::new());
+        assert_eq!(TrainingScores::sample(3), [0, 1, 2]);
+        assert_eq!(TrainingScores::sample(32), (0..32).collect::<Vec<_>>());
+        for photographs in [33, 64, 100, 1001] {
+            let sample = TrainingScores::sample(photographs);
+            assert_eq!((sample.len(), sample[0]), (32, 0));
+            let gaps: Vec<usize> = sample.windows(2).map(|pair| pair[1] - pair[0]).collect();
+            let (least, most) = (photographs / 32, photographs.div_ceil(32));
+            assert!(gaps.iter().all(|gap| (least..=most).contains(gap)), "{photographs}: {sample:?}");
+            assert!(photographs - sample[31] <= most, "{photographs}: {sample:?}");
+        }
     }
 
     #[test]

@@ -13,14 +13,14 @@ pub(super) use saliencies::Saliencies;
 
 use upload_lru::StagingSlots;
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::Error;
 use super::input::View;
 use super::pacing::{Pacing, Residency};
 use super::schedule::Band;
-use crate::dataset::Depth;
-use crate::eval::PhotographWait;
+use crate::dataset::{Depth, Pixels, Supply};
+use crate::eval::{PhotographWait, TrainingScores};
 use crate::loss::Photograph;
 use crate::pass::loss;
 use crate::scene::Camera;
@@ -61,6 +61,8 @@ struct Stream {
     slots: Mutex<StagingSlots>,
     landings: Vec<Buffer>,
     feed: Feed,
+    /// The photographs of [`TrainingScores::sample`].
+    sample: Vec<(usize, Supply)>,
     waits: Mutex<Vec<PhotographWait>>,
     /// Counts of earlier feeds.
     before: FeedCounts,
@@ -103,6 +105,7 @@ impl Photographs {
                 slots: Mutex::new(StagingSlots::new(slots)),
                 landings: buffers("photograph", LANDINGS, Memory::Device)?,
                 feed: Feed::new(Vec::new(), 0, 0),
+                sample: Vec::new(),
                 waits: Mutex::default(),
                 before: FeedCounts::default(),
             })
@@ -132,7 +135,11 @@ impl Photographs {
             layout.values = loss::values(view.camera.width, view.camera.height, view.masked());
         }
         match &mut self.storage {
-            Storage::Streamed(stream) => stream.feed = feed,
+            Storage::Streamed(stream) => {
+                stream.feed = feed;
+                let sampled = TrainingScores::sample(views.len()).into_iter();
+                stream.sample = sampled.map(|view| (view, views[view].photograph.clone())).collect();
+            }
             Storage::Resident { whole, .. } => {
                 for (i, (layout, buffer)) in self.layouts.iter().zip(whole).enumerate() {
                     feed.look_ahead(&(i..views.len().min(i + feed.ahead())).collect::<Vec<_>>());
@@ -204,7 +211,25 @@ impl Photographs {
         if let Storage::Streamed(stream) = &self.storage { lock(&stream.waits).clone() } else { Vec::new() }
     }
 
-    /// Frees the photographs that the host keeps. No step may follow.
+    /// A photograph of [`TrainingScores::sample`], also after [`Self::release`]: from the device, or decoded. Waits.
+    pub(super) fn sampled(&self, gpu: &Gpu, view: usize) -> Result<Arc<Pixels>, Error> {
+        match &self.storage {
+            Storage::Resident { whole, .. } => {
+                let (layout, buffer) = self.layouts.get(view).zip(whole.get(view)).ok_or(Error::NoViews)?;
+                let bytes = layout.bytes() as usize;
+                Ok(Arc::new(match layout.depth {
+                    Depth::Eight => Pixels::Rgba8(gpu.read_at(buffer, 0, bytes)?),
+                    Depth::Sixteen => Pixels::Rgba16(gpu.read_at(buffer, 0, bytes / 2)?),
+                }))
+            }
+            Storage::Streamed(stream) => {
+                let (_, supply) = stream.sample.iter().find(|(at, _)| *at == view).ok_or(Error::NoViews)?;
+                Ok(supply.pixels()?)
+            }
+        }
+    }
+
+    /// Frees the photographs that the host keeps, but for those of [`Self::sampled`]. No step may follow.
     pub(super) fn release(&mut self) {
         if let Storage::Streamed(stream) = &mut self.storage {
             stream.before = stream.before + stream.feed.counts();

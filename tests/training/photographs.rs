@@ -1,7 +1,8 @@
 //! Photographs on the device, or uploaded in their steps from memory, compressed or from files, give the same training.
 
 use psrgs_vk::dataset::{Dataset, Depth, HostShare, LoadOptions, Pixels, Supply};
-use psrgs_vk::train::{FeedCounts, Input, Message, Pacing, Residency, Settings, Trainer, View, prepare};
+use psrgs_vk::eval::{Quality, TrainingScores};
+use psrgs_vk::train::{FeedCounts, Input, Message, Pacing, Residency, Settings, Trainer, View, prepare, score};
 use psrgs_vk::vk::Gpu;
 use psrgs_vk::world::{WorldParams, generate};
 
@@ -150,6 +151,40 @@ fn photographs_not_kept_in_memory_train_and_score_the_same() {
             assert!((36..=counts.asked + 2).contains(&(counts.decoded + counts.reused)), "{counts:?}");
         }
     }
+}
+
+/// The scores of photographs trained on are those of renders compared by hand, wherever the photographs lie; and asking
+/// for them changes nothing.
+#[test]
+fn training_scores_are_those_of_a_comparison_by_hand() {
+    let Some(gpu) = common::gpu() else { return };
+    let mut input = plane_scene::input(35, 24, 18, 100);
+    // Of those that are scored one has a mask, and one 16 bits per channel.
+    let mut masked = input.train[8].photograph.pixels().expect("in memory").rgba8().into_owned();
+    masked.chunks_exact_mut(4).take(200).for_each(|pixel| pixel.copy_from_slice(&[255, 0, 255, 0]));
+    input.train[8] = View::new(&input.train[8].name, input.train[8].camera, Pixels::Rgba8(masked));
+    input.train[3] = deepened(&input.train[3], 77);
+    let sample = TrainingScores::sample(input.train.len());
+    assert!(sample.contains(&8) && sample.contains(&3) && sample.len() < input.train.len());
+    let mut all = Vec::new();
+    for photographs in [Residency::Resident, Residency::Streamed] {
+        let pacing = Pacing { photographs, ..streamed(4) };
+        let mut trainer = Trainer::new(&gpu, input.clone(), &settings(40), pacing, None).expect("trainer");
+        while trainer.next_message().expect("message").is_some() {}
+        let before = trainer.snapshot().expect("snapshot").state;
+        let scores = trainer.training_scores().expect("scores");
+        let by_hand = sample.iter().map(|at| {
+            let view = &input.train[*at];
+            let rgb = trainer.picture(&view.camera).expect("a render").rgb8();
+            score(view, &view.photograph.pixels().expect("in memory"), &rgb)
+        });
+        let Quality { psnr, ssim, images } = Quality::of(by_hand.collect());
+        assert_eq!(scores, TrainingScores { psnr: Some(psnr), ssim: Some(ssim) }, "{photographs:?}");
+        assert!(images.iter().any(|image| (image.psnr - psnr).abs() > 0.1), "all photographs are alike");
+        assert_same(&before, &trainer.snapshot().expect("snapshot").state, "scored");
+        all.push(scores);
+    }
+    assert_eq!(all[0], all[1], "resident and streamed");
 }
 
 /// Without kept photographs, every photograph is decoded for its step. Decoding is requested before the step in front

@@ -143,6 +143,8 @@ impl Scored<'_> {
             lpips_squeeze: None,
             gmsd: None,
             psnr_high_frequency: None,
+            psnr_training: None,
+            ssim_training: None,
             splats: self.model.splats(),
             bytes: self.model.bytes,
             seconds: started.elapsed().as_secs_f64(),

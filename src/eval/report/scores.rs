@@ -4,7 +4,7 @@ use super::row;
 use super::text::{bytes, decibels, duration};
 use crate::eval::Metrics;
 use crate::format::markup::escape;
-use crate::numbers::{counted, fraction, grouped, percent};
+use crate::numbers::{counted, fraction, grouped, percent, signed};
 
 /// Whether the numbers are of a training, and not of the scoring of a finished model.
 pub(super) fn trained(m: &Metrics) -> bool {
@@ -54,6 +54,12 @@ pub(super) fn numbers(m: &Metrics) -> String {
     });
     let own = m.exposures.and_then(|e| e.psnr_own_colours);
     let own = own.map(|psnr| ("PSNR, the model's own colours", format!("{} dB", decibels(Some(psnr)))));
+    let heart = m.fitted_by_heart();
+    let trained_on = [
+        m.psnr_training.map(|psnr| ("PSNR, photographs trained on", format!("{} dB", decibels(Some(psnr))))),
+        m.ssim_training.map(|ssim| ("SSIM, photographs trained on", fraction(ssim, 4))),
+        heart.map(|more| ("fitted by heart", format!("{} dB over held-out photographs", signed(more, 2)))),
+    ];
     let of_training = ["method", "iterations", "training images", "seed", "time per step"];
     [
         ("method", m.method.clone()),
@@ -75,6 +81,7 @@ pub(super) fn numbers(m: &Metrics) -> String {
         ("peak host memory", optional(m.peak_host_bytes)),
     ]
     .iter()
+    .chain(trained_on.iter().flatten())
     .chain(&seen)
     .chain(&own)
     .chain(&lpips)

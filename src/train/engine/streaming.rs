@@ -1,7 +1,11 @@
-//! Streamed photographs.
+//! Streamed photographs, and the photographs that a finished model is scored on.
+
+use std::sync::Arc;
 
 use super::Engine;
+use crate::dataset::Pixels;
 use crate::eval::PhotographWait;
+use crate::train::Error;
 use crate::train::photographs::FeedCounts;
 
 impl Engine {
@@ -18,6 +22,11 @@ impl Engine {
     /// Frees the photographs that the host keeps. No step may follow.
     pub fn release_photographs(&mut self) {
         self.views.photographs.release();
+    }
+
+    /// A photograph of [`crate::eval::TrainingScores::sample`], also after [`Self::release_photographs`]. Waits.
+    pub(in crate::train) fn sampled_photograph(&self, view: usize) -> Result<Arc<Pixels>, Error> {
+        self.views.photographs.sampled(&self.gpu, view)
     }
 
     /// Counts of the photographs of the steps so far; `None` when all photographs are on the device.
