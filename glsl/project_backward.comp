@@ -1,7 +1,7 @@
 #version 460
 // project_backward: gradients of every splat's parameters from the gradients of its 2D Gaussian (columns of grad2d).
-// One thread owns one splat; one workgroup owns 64 consecutive splats. A culled splat (tile count 0) gets zeros. With
-// ADD = 1 gradients are added instead of written.
+// One thread owns one splat; one workgroup owns 64 consecutive splats. A culled splat (tile count 0) gets zeros, and the
+// price of its opacity and scale if these have one. With ADD = 1 gradients are added instead of written.
 #extension GL_GOOGLE_include_directive : require
 #include "camera_push.glsl"
 #include "common.glsl"
@@ -14,6 +14,11 @@ layout(constant_id = 1) const uint FLATTEN = 0u;
 layout(constant_id = 2) const uint ADD = 0u;
 // Weight of half the squared view-dependent coefficients in use in the loss, a float as bits.
 layout(constant_id = 3) const uint SHRINK = 0u;
+// Weights of the mean opacity and of the mean standard deviation of all splats in the loss, floats as bits.
+layout(constant_id = 4) const uint PRICE_OPACITY = 0u;
+layout(constant_id = 5) const uint PRICE_SCALE = 0u;
+// Weight of o (1 - o) of the opacity of every splat on the image in the loss, a float as bits.
+layout(constant_id = 6) const uint DECIDE = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Means { float means[]; };
 layout(set = 0, binding = 2) readonly buffer Quats { vec4 quats[]; };
@@ -51,7 +56,8 @@ void main() {
     if (i >= counters[COUNTER_SPLATS]) return;
     const uint s = 3u * i;
     const uint degree = push.sh_degree;
-    if (ADD != 0u && tile_counts[i] == 0u) return;
+    const bool priced = (PRICE_OPACITY | PRICE_SCALE) != 0u;
+    if (ADD != 0u && tile_counts[i] == 0u && !priced) return;
     SplatGradient g = no_gradient();
     SplatParams splat;
     for (uint k = 0u; k < 12u; ++k) splat.sh[k] = vec4(0.0);
@@ -75,6 +81,12 @@ void main() {
         g = splat_gradient(camera_from_push(), degree, push.flags, splat, splat2d[s + 2u].xyz, up, AUX != 0u);
         if (FLATTEN != 0u) flatten(g, splat.log_scale, uintBitsToFloat(FLATTEN));
         if (SHRINK != 0u) shrink = of_degrees(uintBitsToFloat(SHRINK), degree);
+        if (DECIDE != 0u) decide(g, splat.logit, uintBitsToFloat(DECIDE));
+    }
+    if (priced) {
+        const vec3 log_scale = vec3(scales[s], scales[s + 1u], scales[s + 2u]);
+        const float count = float(counters[COUNTER_SPLATS]);
+        price(g, log_scale, opacities[i], uintBitsToFloat(PRICE_OPACITY) / count, uintBitsToFloat(PRICE_SCALE) / count);
     }
 
     WRITE(g_means[s], g.mean.x);

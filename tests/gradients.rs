@@ -8,7 +8,7 @@ use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::scene::Camera;
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::project::{Projected, project};
-use psrgs_vk::twin::project_backward::{Grad2d, flatten, project_backward, shrink};
+use psrgs_vk::twin::project_backward::{Grad2d, decide, flatten, price, project_backward, shrink};
 use psrgs_vk::twin::reference::{self, Image, ImageGradient, Settings};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, TwinCamera};
 
@@ -257,6 +257,43 @@ fn smallness_pulls_only_at_view_dependent_coefficients_in_use() {
             pulled += usize::from(got.to_array()[k] != 0.0);
         }
         assert_eq!(pulled, 3 * in_use.len());
+    }
+}
+
+/// The slopes of `loss` at random splats are the gradients that `add` adds.
+fn slopes_are_added(add: impl Fn(&mut Splat<f64>, &Splat<f64>), loss: impl Fn(&Splat<f64>) -> f64, pulled: usize) {
+    let camera = camera(64, 48);
+    let mut random = seeded(15);
+    for _ in 0..20 {
+        let splat = splats::spread(&mut random, &camera, 1.0);
+        let mut got = Splat::from_array(&[0.0; PARAMETERS]);
+        add(&mut got, &splat);
+        for k in 0..PARAMETERS {
+            let want = difference(&splat, k, 1e-5, &mut |moved| vec![loss(moved)])[0];
+            assert!((got.to_array()[k] - want).abs() < 1e-9, "{k}: {} against {want}", got.to_array()[k]);
+        }
+        assert_eq!(got.to_array().iter().filter(|g| **g != 0.0).count(), pulled);
+    }
+}
+
+fn opacity(splat: &Splat<f64>) -> f64 {
+    1.0 / (1.0 + (-splat.logit).exp())
+}
+
+#[test]
+fn prices_pull_at_opacity_and_scales_alone() {
+    let scales = |s: &Splat<f64>| s.log_scale.iter().map(|scale| scale.exp()).sum::<f64>() / 3.0;
+    slopes_are_added(|g, s| price(g, s.log_scale, s.logit, [0.7, 0.0]), |s| 0.7 * opacity(s), 1);
+    slopes_are_added(|g, s| price(g, s.log_scale, s.logit, [0.0, 2.5]), |s| 2.5 * scales(s), 3);
+}
+
+#[test]
+fn decision_pulls_at_opacity_alone_towards_0_or_1() {
+    slopes_are_added(|g, s| decide(g, s.logit, 2.5), |s| 2.5 * opacity(s) * (1.0 - opacity(s)), 1);
+    for (logit, rises) in [(-1.5, false), (1.5, true)] {
+        let mut gradient = Splat::from_array(&[0.0; PARAMETERS]);
+        decide(&mut gradient, logit, 1.0);
+        assert_eq!(gradient.logit < 0.0, rises, "a step goes against the gradient");
     }
 }
 

@@ -26,6 +26,13 @@ layout(constant_id = 8) const uint SHRINK = 0u;
 layout(constant_id = 9) const uint LISTED = 0u;
 // Nonzero: no step. Every splat makes up for its missed steps.
 layout(constant_id = 10) const uint CATCHES_UP = 0u;
+// Weights of the mean opacity and of the mean standard deviation of all splats in the loss, floats as bits. A splat
+// that takes no step (LISTED) has no such gradient.
+layout(constant_id = 11) const uint PRICE_OPACITY = 0u;
+layout(constant_id = 12) const uint PRICE_SCALE = 0u;
+// Weight of o (1 - o) of the opacity of every splat on the image in the loss, a float as bits; counts in steps with
+// FLAG_DECIDES.
+layout(constant_id = 13) const uint DECIDE = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Splat2d { vec4 splat2d[]; };
 layout(set = 0, binding = 2) readonly buffer OnImage { uint on_image[]; };  // tile counts, or splats (LISTED)
@@ -44,7 +51,7 @@ layout(push_constant) uniform Push {
     vec4 row1;
     vec4 row2;
     vec3 center;  // of the camera, in the scene
-    uint flags;   // VIEW_*, FLAG_STEPS_OPACITIES; bits 8 and 9: sh degree in use; from bit 16 on: step
+    uint flags;   // VIEW_*, FLAG_*; bits 8 and 9: sh degree in use; from bit 16 on: step
     vec4 limits;  // as in camera_push.glsl
     vec2 focal;   // pixels
     float lr_means;
@@ -60,6 +67,7 @@ layout(push_constant) uniform Push {
 } push;
 
 const uint FLAG_STEPS_OPACITIES = 4u;
+const uint FLAG_DECIDES = 16u;
 
 // For the thread's splat (LISTED, CATCHES_UP): the missed steps minus the advance, and the number of steps taken at
 // once: this step and the steps that the splat is expected to miss next.
@@ -164,6 +172,11 @@ void main() {
         g = splat_gradient(camera, degree, push.flags, splat, LOAD4(splat2d, s + 2u).xyz, up, AUX != 0u);
         if (FLATTEN != 0u) flatten(g, splat.log_scale, uintBitsToFloat(FLATTEN));
         if (SHRINK != 0u) shrink = of_degrees(uintBitsToFloat(SHRINK), degree);
+        if (DECIDE != 0u && (push.flags & FLAG_DECIDES) != 0u) decide(g, splat.logit, uintBitsToFloat(DECIDE));
+    }
+    if (CATCHES_UP == 0u && (PRICE_OPACITY | PRICE_SCALE) != 0u) {
+        const float count = float(counters[COUNTER_SPLATS]);
+        price(g, splat.log_scale, splat.logit, uintBitsToFloat(PRICE_OPACITY) / count, uintBitsToFloat(PRICE_SCALE) / count);
     }
 
     STEP3(means, m_means, v_means, 0u, push.lr_means, g.mean, splat.mean)

@@ -90,6 +90,22 @@ void flatten(inout SplatGradient g, vec3 log_scale, float weight) {
     g.log_scale += mix(vec3(0.0), vec3(slope), equal(uvec3(shortest_axis(log_scale)), uvec3(0u, 1u, 2u)));
 }
 
+// Adds the derivatives of `opacity` times the splat's opacity, and of `scale` times the mean of its standard deviations
+// (3DGS-MCMC, Kheradmand et al. 2024). `precise`, so that all passes get the same bits.
+void price(inout SplatGradient g, vec3 log_scale, float logit, float opacity, float scale) {
+    precise float logit_sum = g.logit + opacity * sigmoid(logit).y;
+    precise vec3 scale_sum = g.log_scale + (scale / 3.0) * exp(log_scale);
+    g.logit = logit_sum;
+    g.log_scale = scale_sum;
+}
+
+// Adds the derivative of `weight` times o (1 - o) of the splat's opacity o.
+void decide(inout SplatGradient g, float logit, float weight) {
+    const vec2 o = sigmoid(logit);
+    precise float sum = g.logit + weight * (o.y * (1.0 - 2.0 * o.x));
+    g.logit = sum;
+}
+
 // The weight for coefficients of degree 1, 2 and 3: zero above the degree in use.
 vec3 of_degrees(float weight, uint degree) {
     return mix(vec3(0.0), vec3(weight), lessThanEqual(uvec3(1u, 2u, 3u), uvec3(degree)));

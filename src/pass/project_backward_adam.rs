@@ -2,11 +2,14 @@
 
 use super::adam::{self, AdamSettings};
 use super::camera::CameraPush;
+use super::project_backward::Penalties;
 use super::{Pass, module};
 use crate::vk::{Constant, Kernel, read, read_write};
 
 /// [`Push::flags`]: the step includes opacities.
 pub const STEPS_OPACITIES: u32 = 4;
+/// [`Push::flags`]: `DECIDE` counts in the step.
+pub const DECIDES: u32 = 16;
 /// [`Push::flags`]: first bit of the degree of spherical harmonics in use.
 pub const DEGREE_SHIFT: u32 = 8;
 
@@ -50,8 +53,8 @@ crate::push_constants! {
         pub row2: [f32; 4],
         /// Camera centre in the scene.
         pub center: [f32; 3],
-        /// Flags of [`CameraPush`] and [`STEPS_OPACITIES`], the degree of spherical harmonics from bit [`DEGREE_SHIFT`]
-        /// on, and the step from bit [`STEP_SHIFT`] on.
+        /// Flags of [`CameraPush`], [`STEPS_OPACITIES`] and [`DECIDES`], the degree of spherical harmonics from bit
+        /// [`DEGREE_SHIFT`] on, and the step from bit [`STEP_SHIFT`] on.
         pub flags: u32,
         /// See [`CameraPush`].
         pub limits: [f32; 4],
@@ -108,21 +111,20 @@ impl Push {
             inv_sqrt_bias2_opacities: opacities.inv_sqrt_bias2,
         }
     }
+
+    /// The same, in which [`Penalties::decide`] counts if `decides`.
+    pub fn deciding(self, decides: bool) -> Self {
+        Self { flags: self.flags | if decides { DECIDES } else { 0 }, ..self }
+    }
 }
 
 /// Specialization constants, by name.
-pub type Constants = [(&'static str, u32); 11];
+pub type Constants = [(&'static str, u32); 14];
 
-/// Adds a loss to `constants`: `weight` times the smallest standard deviation, in scene units, of every splat on the
-/// image.
-pub fn flattening(constants: Constants, weight: f32) -> Constants {
-    constants.map(|(name, value)| (name, if name == "FLATTEN" { weight.to_bits() } else { value }))
-}
-
-/// Adds a loss to `constants`: `weight` times half the squared view-dependent sh coefficients in use, of every splat on
-/// the image.
-pub fn shrinking(constants: Constants, weight: f32) -> Constants {
-    constants.map(|(name, value)| (name, if name == "SHRINK" { weight.to_bits() } else { value }))
+/// Adds losses on the splats themselves to `constants`. [`Penalties::decide`] counts only in steps with [`DECIDES`].
+pub fn penalising(constants: Constants, penalties: Penalties) -> Constants {
+    let weights = penalties.constants();
+    constants.map(|(name, value)| (name, weights.iter().find(|(of, _)| *of == name).map_or(value, |(_, bits)| *bits)))
 }
 
 /// Changes `constants` for a step of only the splats on the image. The buffer `on_image` then lists these splats in
@@ -153,6 +155,9 @@ pub fn constants(settings: &AdamSettings, degree: u32, aux: bool) -> Constants {
         ("SHRINK", 0),
         ("LISTED", 0),
         ("CATCHES_UP", 0),
+        ("PRICE_OPACITY", 0),
+        ("PRICE_SCALE", 0),
+        ("DECIDE", 0),
     ]
 }
 
@@ -168,6 +173,9 @@ pub(super) const CONSTANTS: &[Constant] = &[
     Constant { id: 8, name: "SHRINK", default: 0 },
     Constant { id: 9, name: "LISTED", default: 0 },
     Constant { id: 10, name: "CATCHES_UP", default: 0 },
+    Constant { id: 11, name: "PRICE_OPACITY", default: 0 },
+    Constant { id: 12, name: "PRICE_SCALE", default: 0 },
+    Constant { id: 13, name: "DECIDE", default: 0 },
 ];
 
 /// The pass.
@@ -212,7 +220,7 @@ pub const PASS: Pass = Pass {
         local_size: Some(64),
     },
     doc: "One thread owns one splat, its parameters and their moments; a workgroup owns 64 consecutive splats. \
-          Gradients as in project_backward, FLATTEN and SHRINK included, then a step of adam on every parameter; \
+          Gradients as in project_backward, its weights included, then a step of adam on every parameter; \
           culled splats step with a gradient of zero. Coefficients above DEGREE stay unchanged. With LISTED, \
           `on_image` holds the splats on the image instead of tile counts, and only these splats step, after \
           making up for their missed steps (since the step in their row of `stats`) with gradients of zero. \

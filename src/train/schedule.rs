@@ -70,6 +70,8 @@ pub struct Schedule {
     /// Last step with a loss on depth and normals; 0 where there is none.
     pub geometry_until: u32,
     early: EarlyCutoff,
+    /// The loss pushes opacities to 0 or 1 after this step.
+    decides_after: u32,
     geometry_every: u32,
     /// Share of the weight of depth and normals that is left at `geometry_until`.
     geometry_left: f64,
@@ -148,6 +150,10 @@ impl Schedule {
             geometry_until: match settings.geometry.has_loss() {
                 true => (settings.geometry.depth_steps * f64::from(run.iterations)).round() as u32,
                 false => 0,
+            },
+            decides_after: match optimiser.lambda_binary > 0.0 {
+                true => (optimiser.binary_from * f64::from(run.iterations)).round() as u32,
+                false => u32::MAX,
             },
             early: EarlyCutoff { until: early_until, cutoff: settings.shortcuts.early_cutoff },
             geometry_every: settings.geometry.depth_every.max(1),
@@ -258,6 +264,7 @@ impl Schedule {
             adam_steps_opacities: self.adam_steps(t, true),
             adam_steps: self.adam_steps(t, false),
             catch_up: self.catches_up_at(t),
+            decides: t > self.decides_after,
             lr_exposure: self.lr_exposure(t),
             seen: self.seen_at(t),
             low: t <= self.low_until,

@@ -190,6 +190,16 @@ group! {
         /// Weight of half the squares of the view-dependent coefficients of every splat on the image, over the pixels
         /// of a photograph
         pub lambda_sh: f64 = 0.0; Range::WEIGHT,
+        /// Weight of the mean opacity of all splats (visible-adam: of those on the image, over the number of all)
+        pub lambda_opacity: f64 = 0.0; Range::WEIGHT,
+        /// Weight of the mean standard deviation of all splats over their three axes, in units of which the scene's
+        /// extent has 5 (visible-adam: of those on the image, over the number of all)
+        pub lambda_scale: f64 = 0.0; Range::WEIGHT,
+        /// Weight of o (1 - o) of the opacity o of every splat on the image, over the pixels of a photograph: pushes
+        /// opacities to 0 or 1
+        pub lambda_binary: f64 = 0.0; Range::WEIGHT,
+        /// Share of the steps after which lambda-binary counts
+        pub binary_from: f64 = 0.5; Range::SHARE,
         /// Learning rate of the means when its decay ends
         pub lr_means_final: f64 = 1.6e-6; Range::POSITIVE,
         /// Steps over which the learning rate of the means decays, log-linearly

@@ -79,6 +79,29 @@ pub fn shrink<R: Real>(gradient: &mut Splat<R>, sh: &[[R; 3]; 16], degree: u32, 
     }
 }
 
+/// Adds the derivatives of `opacity` times the splat's opacity and of `scale` times the mean of its standard deviations.
+pub fn price<R: Real>(gradient: &mut Splat<R>, log_scale: [R; 3], logit: R, [opacity, scale]: [R; 2]) {
+    if opacity != R::zero() || scale != R::zero() {
+        gradient.logit += opacity * projection::sigmoid(logit)[1];
+        for (g, log_scale) in gradient.log_scale.iter_mut().zip(log_scale) {
+            *g += scale / R::of(3.0) * log_scale.exp();
+        }
+    }
+}
+
+/// Adds the derivative of `weight` times o (1 - o) of the splat's opacity o.
+pub fn decide<R: Real>(gradient: &mut Splat<R>, logit: R, weight: R) {
+    if weight != R::zero() {
+        let [opacity, slope] = projection::sigmoid(logit);
+        gradient.logit += weight * (slope * (R::one() - R::of(2.0) * opacity));
+    }
+}
+
+/// The weights of [`price`] for one of `splats` splats, from the bits of the weights of the means.
+pub(super) fn prices(bits: [u32; 2], splats: usize) -> [f32; 2] {
+    bits.map(|bits| f32::from_bits(bits) / splats as f32)
+}
+
 /// Adapter over raw buffers.
 pub fn run(call: &mut TwinCall<'_>) {
     let push: CameraPush = call.push();
@@ -92,14 +115,23 @@ pub fn run(call: &mut TwinCall<'_>) {
     let aux = call.constants[0] != 0;
     let add = call.constants[2] != 0;
     let mut out = Gaussians::zeros(n);
-    for i in (0..n).filter(|&i| tile_counts[i] != 0) {
+    let prices = prices([call.constants[4], call.constants[5]], call.get::<u32>(0)[counters::SPLATS] as usize);
+    for i in 0..n {
+        let splat = Splat::of(&model, i);
+        if tile_counts[i] == 0 {
+            let mut gradient = Splat::of(&out, i);
+            price(&mut gradient, splat.log_scale, splat.logit, prices);
+            gradient.store(&mut out, i);
+            continue;
+        }
         let [x, y, z, _] = if aux { grad_normals[i] } else { [0.0; 4] };
         let colour = [splat2d[i][8], splat2d[i][9], splat2d[i][10]];
         let g = Grad2d { row: grad2d[i], normal: [x, y, z] };
-        let splat = Splat::of(&model, i);
         let mut gradient = project_backward(&splat, &view, colour, &g);
         flatten(&mut gradient, splat.log_scale, f32::from_bits(call.constants[1]));
         shrink(&mut gradient, &splat.sh, view.sh_degree, f32::from_bits(call.constants[3]));
+        decide(&mut gradient, splat.logit, f32::from_bits(call.constants[6]));
+        price(&mut gradient, splat.log_scale, splat.logit, prices);
         gradient.store(&mut out, i);
     }
     let planes = [&out.means, &out.quats, &out.scales, &out.opacities].into_iter().chain(&out.sh);

@@ -1,13 +1,13 @@
 //! Twin of `glsl/project_backward_adam.comp`.
 
 use super::adam::{Element, LARGEST_GRADIENT, MissedSteps, adam, catch_up, decay};
-use super::project_backward::{Grad2d, flatten, project_backward, shrink};
+use super::project_backward::{Grad2d, decide, flatten, price, prices, project_backward, shrink};
 use super::splat::{PARAMETERS, Splat, TwinCamera};
 use super::{Real, TwinCall};
 use crate::pass::adam::Push as AdamPush;
 use crate::pass::camera::{ANTIALIAS, BLACK_LEARNS, REFERENCE_CLAMP};
 use crate::pass::counters;
-use crate::pass::project_backward_adam::{DEGREE_SHIFT, Push, STEP_SHIFT, STEPS_OPACITIES};
+use crate::pass::project_backward_adam::{DECIDES, DEGREE_SHIFT, Push, STEP_SHIFT, STEPS_OPACITIES};
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 use crate::twin::splat::model_of;
 
@@ -212,6 +212,8 @@ pub(super) struct Inputs {
     aux: bool,
     flatten: f32,
     shrink: f32,
+    prices: [f32; 2],
+    decide: f32,
 }
 
 impl Inputs {
@@ -233,6 +235,8 @@ impl Inputs {
             aux: call.constants[0] != 0,
             flatten: f32::from_bits(call.constants[7]),
             shrink: f32::from_bits(call.constants[8]),
+            prices: prices([call.constants[11], call.constants[12]], call.get::<u32>(0)[counters::SPLATS] as usize),
+            decide: if push.flags & DECIDES != 0 { f32::from_bits(call.constants[13]) } else { 0.0 },
         }
     }
 
@@ -244,7 +248,11 @@ impl Inputs {
     /// The gradient of splat `i`.
     pub(super) fn gradient(&self, i: usize, splat: &Splat<f32>) -> Splat<f32> {
         if self.catches_up || !self.listed && self.on_image[i] == 0 {
-            return Splat::of(&Gaussians::zeros(1), 0);
+            let mut gradient = Splat::of(&Gaussians::zeros(1), 0);
+            if !self.catches_up {
+                price(&mut gradient, splat.log_scale, splat.logit, self.prices);
+            }
+            return gradient;
         }
         let [x, y, z, _] = if self.aux { self.grad_normals[i] } else { [0.0; 4] };
         let colour = [self.splat2d[i][8], self.splat2d[i][9], self.splat2d[i][10]];
@@ -253,6 +261,8 @@ impl Inputs {
         let mut gradient = project_backward(splat, &view, colour, &up);
         flatten(&mut gradient, splat.log_scale, self.flatten);
         shrink(&mut gradient, &splat.sh, view.sh_degree, self.shrink);
+        decide(&mut gradient, splat.logit, self.decide);
+        price(&mut gradient, splat.log_scale, splat.logit, self.prices);
         gradient
     }
 }

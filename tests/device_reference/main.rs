@@ -238,6 +238,7 @@ fn device_gradients(
             settings: &settings,
             rates: &rates,
             steps: fused::StepCounts { most: 1, opacities: Some(1) },
+            decides: false,
             stats: &stats,
             catches_up: false,
         };

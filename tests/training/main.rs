@@ -116,10 +116,13 @@ fn fused_and_separate_optimiser_steps_are_bit_equal() {
         return;
     }
     let input = plane_scene::input(5, 64, 48, 300);
-    let mut shrinking = settings(60);
-    shrinking.optimiser.lambda_sh = 0.3;
-    let fused = run(&gpu, input.clone(), &shrinking, Pacing::default());
-    let separate = run(&lesser, input.clone(), &shrinking, Pacing::default());
+    let mut penalised = settings(60);
+    penalised.optimiser.lambda_sh = 0.3;
+    penalised.optimiser.lambda_opacity = 0.1;
+    penalised.optimiser.lambda_scale = 0.1;
+    penalised.optimiser.lambda_binary = 0.1;
+    let fused = run(&gpu, input.clone(), &penalised, Pacing::default());
+    let separate = run(&lesser, input.clone(), &penalised, Pacing::default());
     assert_same(&fused.state, &separate.state, "separate steps");
     assert_eq!(fused.losses, separate.losses);
     // Steps 20, 40 and 60 add a degree of harmonics. Before, higher degrees have no moments.

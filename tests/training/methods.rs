@@ -199,6 +199,32 @@ fn a_weight_on_harmonics_lowers_the_view_dependence_of_colours() {
     assert!(some < 0.98 * free && much < 0.2 * free && free > 0.0, "{free} without, {some} and {much} with it");
 }
 
+#[test]
+fn prices_and_decision_lower_what_they_weigh_when_they_count() {
+    let Some(gpu) = gpu() else { return };
+    let of = |change: fn(&mut Settings)| {
+        let mut s = settings(40);
+        s.density.no_densify = true;
+        change(&mut s);
+        run(&gpu, input(4, (48, 40), 200, &s), &s, Pacing::default()).state
+    };
+    let free = of(|_| {});
+    let mean = |values: &[f32], f: fn(f64) -> f64| values.iter().map(|v| f(f64::from(*v))).sum::<f64>();
+    let opacity = |logit: f64| 1.0 / (1.0 + (-logit).exp());
+    let priced = of(|s| s.optimiser.lambda_opacity = 1.0);
+    assert!(mean(&priced.params[3], opacity) < 0.9 * mean(&free.params[3], opacity));
+    let small = of(|s| s.optimiser.lambda_scale = 5.0);
+    assert!(mean(&small.params[2], f64::exp) < 0.9 * mean(&free.params[2], f64::exp));
+    let undecided = |x: f64| {
+        let o = 1.0 / (1.0 + (-x).exp());
+        o * (1.0 - o)
+    };
+    let decided = of(|s| s.optimiser.lambda_binary = 50.0);
+    assert!(mean(&decided.params[3], undecided) < 0.9 * mean(&free.params[3], undecided));
+    let never = of(|s| (s.optimiser.lambda_binary, s.optimiser.binary_from) = (1.0, 1.0));
+    super::assert_same(&free, &never, "no step is left for it");
+}
+
 /// Mean distance of splats from the ground, weighted by opacity and area.
 fn off_the_ground(settings: &Settings, input: Input, gpu: &psrgs_vk::vk::Gpu) -> f64 {
     let state = run(gpu, input, settings, Pacing::default()).state;

@@ -2,6 +2,7 @@
 //! before the plain rows.
 
 use psrgs_vk::pass::camera::Projection;
+use psrgs_vk::pass::project_backward::Penalties;
 use psrgs_vk::pass::project_backward_adam::StepCounts;
 use psrgs_vk::pass::{Pass, counters, project, project_backward_adam, project_backward_adam_packed};
 use psrgs_vk::vk::Gpu;
@@ -77,7 +78,8 @@ fn steps_of(gpu: &Gpu, pass: &Pass, packs: bool) {
     for (degree, most) in [(3, 3), (2, 2), (2, 3), (1, 3), (1, 1)] {
         // The splats with gradients do not depend on the degree in use.
         let of = |degree: u32, most: u32| {
-            let form = Form { aux: false, shrink: 0.6, ..plain(steps) };
+            let form =
+                Form { aux: false, penalties: Penalties { shrink: 0.6, ..Penalties::default() }, ..plain(steps) };
             let projection = Projection { sh_degree: degree, ..Projection::default() };
             case(&scene::ordinary(N, 91), &projection, most, form, |first, second| (first, second))
         };

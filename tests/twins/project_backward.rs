@@ -2,7 +2,7 @@
 //! splats.
 
 use psrgs_vk::pass::camera::{CameraPush, Projection};
-use psrgs_vk::pass::project_backward::PASS;
+use psrgs_vk::pass::project_backward::{PASS, Penalties};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::TileGrid;
@@ -164,7 +164,45 @@ fn adds(
     }
 }
 
+/// With penalties: the twin on raw buffers agrees, written and added, and culled splats have the prices alone.
+fn penalised(gpu: &Gpu) {
+    let (n, push) = (600, scene::push(&Projection::default()));
+    let (model, view) = (scene::ordinary(n, 41), TwinCamera::<f32>::of(&push));
+    let grid = TileGrid::new(view.size, [16, 16]);
+    let seen: Vec<u32> =
+        (0..n).map(|i| project(&Splat::of(&model, i), &view, Some(&grid)).map_or(0, |p| p.tiles)).collect();
+    let mut buffers = vec![scene::counts(n)];
+    buffers.extend(scene::planes(&model));
+    // Without gradients of colour, only the penalties are left.
+    buffers.extend([bytes(&vec![0.5f32; 12 * n]), bytes(&seen), bytes(&vec![0f32; 12 * n]), bytes(&vec![0f32; 4 * n])]);
+    buffers.extend(ROWS.map(|row| bytes(&vec![0.25f32; row * n])));
+    let penalties = Penalties { opacity: 60.0, scale: 90.0, decide: 0.5, ..Penalties::default() };
+    for add in [0, 1] {
+        let constants = [penalties.constants().as_slice(), &[("ADD", add)]].concat();
+        let outcome = harness::run(gpu, &PASS, &constants, &buffers, &push, n.div_ceil(64) as u32);
+        for (k, row) in ROWS.into_iter().enumerate() {
+            let (device, twin) = (outcome.device::<f32>(13 + k), outcome.twin::<f32>(13 + k));
+            for (at, (d, t)) in device.iter().zip(&twin).enumerate() {
+                // The two penalties of an opacity may cancel.
+                assert!(
+                    (d - t).abs() <= 1e-6 * (1.0 + t.abs()),
+                    "plane {k} of rows of {row}, {at}: {d} instead of {t}"
+                );
+            }
+        }
+        let logits = outcome.device::<f32>(16);
+        for (i, culled) in seen.iter().map(|tiles| *tiles == 0).enumerate() {
+            let o = 1.0 / (1.0 + (-f64::from(model.opacities[i])).exp());
+            let decision = if culled { 0.0 } else { 0.5 * (1.0 - 2.0 * o) };
+            let want = 0.25 * f64::from(add) + o * (1.0 - o) * (60.0 / n as f64 + decision);
+            assert!((f64::from(logits[i]) - want).abs() < 1e-6, "splat {i}: {} instead of {want}", logits[i]);
+        }
+    }
+    assert!(seen.iter().filter(|tiles| **tiles == 0).count() > 40);
+}
+
 pub fn run(gpu: &Gpu) {
+    penalised(gpu);
     for n in [0, 1, 63, 64, 65] {
         compare(gpu, &scene::ordinary(n, 300 + n as u64), Projection::default(), true, &format!("{n} splats"));
     }

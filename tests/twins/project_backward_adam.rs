@@ -2,8 +2,9 @@
 
 use psrgs_vk::pass::adam::{self, AdamSettings};
 use psrgs_vk::pass::camera::Projection;
+use psrgs_vk::pass::project_backward::Penalties;
 use psrgs_vk::pass::project_backward_adam::{
-    Constants, LearningRates, PASS, Push, STEP_SHIFT, StepCounts, catching_up, constants, flattening, listed, shrinking,
+    Constants, DECIDES, LearningRates, PASS, Push, STEP_SHIFT, StepCounts, catching_up, constants, listed, penalising,
 };
 use psrgs_vk::pass::{Pass, counters, project_backward};
 use psrgs_vk::scene::Gaussians;
@@ -11,7 +12,8 @@ use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::TileGrid;
 use psrgs_vk::twin::project::project;
 use psrgs_vk::twin::project_backward::{
-    Grad2d, flatten as add_flatness, project_backward as gradient_of, shrink as add_smallness,
+    Grad2d, decide as add_decision, flatten as add_flatness, price as add_price, project_backward as gradient_of,
+    shrink as add_smallness,
 };
 use psrgs_vk::twin::project_backward_adam::{Pace, SplatState, step_after, view};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, TwinCamera};
@@ -31,8 +33,7 @@ pub(super) struct Case {
     pub(super) push: Push,
     degree: u32,
     aux: bool,
-    flatten: f32,
-    shrink: f32,
+    penalties: Penalties,
     steppers: Steppers,
     settings: AdamSettings,
     /// Buffers in binding order; `stats` is the last.
@@ -72,10 +73,8 @@ pub(super) struct Form {
     pub(super) steps: StepCounts,
     /// Some gradients are not finite.
     pub(super) poison: bool,
-    /// Weight of the smallest standard deviation.
-    pub(super) flatten: f32,
-    /// Weight of the squares of view-dependent coefficients.
-    pub(super) shrink: f32,
+    /// Losses on the splats themselves.
+    pub(super) penalties: Penalties,
     pub(super) steppers: Steppers,
     /// Decay of the second moments.
     pub(super) beta2: f64,
@@ -83,7 +82,8 @@ pub(super) struct Form {
 
 /// A step of all parameters of all splats, with the published decay, on finite gradients, also of depth and normals.
 pub(super) fn plain(steps: StepCounts) -> Form {
-    Form { aux: true, steps, poison: false, flatten: 0.0, shrink: 0.0, steppers: Steppers::All, beta2: 0.999 }
+    let penalties = Penalties::default();
+    Form { aux: true, steps, poison: false, penalties, steppers: Steppers::All, beta2: 0.999 }
 }
 
 /// The splats that take a step.
@@ -99,11 +99,11 @@ pub(super) enum Steppers {
 
 /// A step of `model`. Harmonics up to `most` have been in use: moments above are zero.
 pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: Form, kept: Kept) -> Case {
-    let Form { aux, steps, poison, flatten, shrink, steppers, beta2 } = form;
+    let Form { aux, steps, poison, penalties, steppers, beta2 } = form;
     let n = model.len();
     let settings = AdamSettings { beta2, ..AdamSettings::default() };
     let camera = scene::push(projection);
-    let push = Push::new(&camera, &settings, &RATES, steps);
+    let push = Push::new(&camera, &settings, &RATES, steps).deciding(penalties.decide > 0.5);
     let full = TwinCamera::<f64>::of(&camera);
     let grid = TileGrid::new(full.size, [16, 16]);
     let mut random = seeded(7 + n as u64);
@@ -135,8 +135,11 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
             let up = Grad2d { row: grad2d[i].map(f64::from), normal };
             let colour = [8, 9, 10].map(|c| f64::from(splat2d[i][c]));
             let mut gradient = gradient_of(&splat, &full, colour, &up);
-            add_flatness(&mut gradient, splat.log_scale, f64::from(flatten));
-            add_smallness(&mut gradient, &splat.sh, full.sh_degree, f64::from(shrink));
+            add_flatness(&mut gradient, splat.log_scale, f64::from(penalties.flatten));
+            add_smallness(&mut gradient, &splat.sh, full.sh_degree, f64::from(penalties.shrink));
+            // A weight of at most one half is compiled but not asked for by the push constants.
+            let weight = if penalties.decide > 0.5 { penalties.decide } else { 0.0 };
+            add_decision(&mut gradient, splat.logit, f64::from(weight));
             g = gradient.to_array();
             let condition = if projection.antialias { scene::condition(&splat, &full) } else { 1.0 };
             error = std::array::from_fn(|k| {
@@ -144,6 +147,13 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
                 let largest = g[range].iter().fold(0.0f64, |m, v| m.max(v.abs()));
                 bound * largest * if k == 10 { condition } else { 1.0 }
             });
+        }
+        let mut priced = Splat::from_array(&[0.0; PARAMETERS]);
+        let prices = [penalties.opacity, penalties.scale].map(|weight| f64::from(weight) / n as f64);
+        add_price(&mut priced, splat.log_scale, splat.logit, prices);
+        for (k, price) in priced.to_array().into_iter().enumerate().filter(|(_, price)| *price != 0.0) {
+            g[k] += price;
+            error[k] += 1e-5 * price.abs();
         }
         // Moments in the size that these gradients leave, in f32.
         let used = 11 + 3 * (most as usize + 1).pow(2);
@@ -161,7 +171,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
         before.push(SplatState { splat, first, second });
         gradients.push((g, error));
     }
-    let given = of(shrinking(flattening(constants(&settings, most, aux), flatten), shrink), steppers);
+    let given = of(penalising(constants(&settings, most, aux), penalties), steppers);
     let values: Vec<u32> = given.iter().map(|(_, value)| *value).collect();
     let seen: Vec<u32> = (0..n as u32).filter(|i| tiles[*i as usize] > 0).collect();
     // Steps are known modulo 2^16. Steps before the last catch-up of all splats are remains of other rows.
@@ -216,8 +226,7 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
         push,
         degree,
         aux,
-        flatten,
-        shrink,
+        penalties,
         steppers,
         settings,
         buffers,
@@ -268,8 +277,7 @@ pub(super) fn splats_of(planes: &[Vec<f32>], n: usize) -> Vec<[f32; PARAMETERS]>
 impl Case {
     pub(super) fn given(&self) -> Constants {
         let constants = constants(&self.settings, self.degree, self.aux);
-        let constants = shrinking(flattening(constants, self.flatten), self.shrink);
-        of(constants, self.steppers)
+        of(penalising(constants, self.penalties), self.steppers)
     }
 
     /// Runs on the device. Words beyond the rows and read-only buffers must keep their bits.
@@ -380,7 +388,8 @@ impl Case {
         buffers.extend_from_slice(&self.buffers[5..13]);
         buffers.extend_from_slice(&self.buffers[1..5]);
         buffers.extend(ROWS.map(|row| garbage(row * self.n + scene::BEYOND)));
-        let weights = [("FLATTEN", self.flatten.to_bits()), ("SHRINK", self.shrink.to_bits())];
+        let decide = if self.push.flags & DECIDES != 0 { self.penalties.decide } else { 0.0 };
+        let weights = Penalties { decide, ..self.penalties }.constants();
         let given = [&[("AUX", u32::from(self.aux))], weights.as_slice()].concat();
         let gradients = of(&project_backward::PASS, &given, &buffers, groups);
         let fused = self.run(gpu, what);
@@ -427,8 +436,13 @@ pub fn run(gpu: &Gpu) {
         let form = Form {
             aux: k % 2 == 1,
             poison: k == 5,
-            flatten: if k == 2 || k == 5 { 0.7 } else { 0.0 },
-            shrink: if k % 2 == 1 { 0.6 } else { 0.0 },
+            penalties: Penalties {
+                flatten: if k == 2 || k == 5 { 0.7 } else { 0.0 },
+                shrink: if k % 2 == 1 { 0.6 } else { 0.0 },
+                opacity: if k % 3 == 1 { 90.0 } else { 0.0 },
+                scale: if k % 3 == 1 || k == 3 { 150.0 } else { 0.0 },
+                decide: [0.0, 0.8, 0.4][k % 3],
+            },
             beta2: if k % 2 == 0 { 0.98 } else { 0.999 },
             ..plain(steps)
         };
@@ -453,7 +467,8 @@ pub fn run(gpu: &Gpu) {
         let most = projection.sh_degree.min(3);
         let beta2 = if k % 4 < 2 { 0.98 } else { 0.999 };
         let steps = if k % 2 == 0 { StepCounts { most: 70_000, opacities: Some(69_999) } } else { all };
-        let form = Form { aux: k % 2 == 0, shrink: 0.6, steppers: Steppers::Listed, steps, beta2, ..form };
+        let penalties = Penalties { shrink: 0.6, opacity: 90.0, scale: 150.0, decide: 0.8, ..Penalties::default() };
+        let form = Form { aux: k % 2 == 0, penalties, steppers: Steppers::Listed, steps, beta2, ..form };
         let model = scene::ordinary(600, 80 + k as u64);
         let listed = case(&model, &projection, most, form, exact);
         assert!(listed.seen() > 250 && listed.seen() < 560, "{projection:?}: {} seen", listed.seen());
@@ -469,7 +484,8 @@ pub fn run(gpu: &Gpu) {
 /// The twin on raw buffers agrees with the typed twin in f32.
 fn twin_adapter(gpu: &Gpu, steppers: Steppers) {
     let steps = StepCounts { most: 3, opacities: Some(2) };
-    let form = Form { steppers, beta2: 0.98, ..plain(steps) };
+    let penalties = Penalties { opacity: 90.0, scale: 150.0, decide: 0.8, ..Penalties::default() };
+    let form = Form { steppers, beta2: 0.98, penalties, ..plain(steps) };
     let case = case(&scene::ordinary(100, 5), &Projection::default(), 3, form, |m, v| (m, v));
     let outcome = case.run(gpu, "adapter");
     assert_eq!(view::<f64>(&case.push).focal, TwinCamera::<f64>::of(&case.camera).focal);

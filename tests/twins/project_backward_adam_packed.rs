@@ -1,6 +1,7 @@
 //! `project_backward_adam_packed`, which keeps moments in 16 bits each: a step against f64 from equal moments.
 
 use psrgs_vk::pass::camera::Projection;
+use psrgs_vk::pass::project_backward::Penalties;
 use psrgs_vk::pass::project_backward_adam::StepCounts;
 use psrgs_vk::pass::project_backward_adam_packed::PASS;
 use psrgs_vk::twin::project_backward_adam_packed::{pack, unpack};
@@ -71,8 +72,7 @@ pub fn run(gpu: &Gpu) {
             aux: k % 2 == 1,
             steps: StepCounts { opacities, ..steps },
             poison: k == 5,
-            flatten,
-            shrink: 0.5,
+            penalties: Penalties { flatten, shrink: 0.5, opacity: 50.0, scale: 80.0, decide: 0.8 },
             steppers: [Steppers::All, Steppers::Listed, Steppers::CatchUp][k % 3],
             beta2: if k % 2 == 0 { 0.98 } else { 0.999 },
         };

@@ -2,6 +2,7 @@
 
 use super::{RenderView, Renderer, entry};
 use crate::pass::camera::CameraPush;
+use crate::pass::project_backward::Penalties;
 use crate::pass::turns::per_turn;
 use crate::pass::{adam, alpha_min, project_backward, project_backward_adam, slot_sum};
 use crate::raster::pass_select;
@@ -46,10 +47,8 @@ pub struct Gradients<'a> {
 pub struct GradientTerms {
     /// Gradients of depth and normals, after a blend backward pass with auxiliary channels.
     pub aux: bool,
-    /// Weight of a loss on the smallest standard deviation, in scene units, of every splat on the image.
-    pub flatten: f32,
-    /// Weight of a loss on half the squared view-dependent sh coefficients in use, of every splat on the image.
-    pub shrink: f32,
+    /// Losses on the splats themselves.
+    pub penalties: Penalties,
     /// Whether the gradients are added to the model's gradients instead of overwriting them.
     pub add: bool,
 }
@@ -71,6 +70,8 @@ pub struct BackwardStep<'a> {
     pub rates: &'a project_backward_adam::LearningRates,
     /// Number of steps taken.
     pub steps: project_backward_adam::StepCounts,
+    /// Whether [`Penalties::decide`] counts.
+    pub decides: bool,
     /// Rows of four numbers per splat. The last number is the last step of the splat, modulo 2^16; used only with
     /// `LISTED` and `CATCHES_UP`.
     pub stats: &'a Buffer,
@@ -213,12 +214,8 @@ impl Renderer {
     ) -> Result<(), vk::Error> {
         all_bits(model)?;
         let Some(backward) = &self.backward else { return Ok(()) };
-        let constants = [
-            ("AUX", u32::from(terms.aux && self.with_aux)),
-            ("FLATTEN", terms.flatten.to_bits()),
-            ("ADD", u32::from(terms.add)),
-            ("SHRINK", terms.shrink.to_bits()),
-        ];
+        let mut constants = vec![("AUX", u32::from(terms.aux && self.with_aux)), ("ADD", u32::from(terms.add))];
+        constants.extend(terms.penalties.constants());
         let pipeline = self.gpu.pipeline(&project_backward::PASS.kernel, &constants)?;
         let push = CameraPush::new(&view.camera, &view.projection);
         let [counts, splat2d, tile_counts, grad_normals] =
@@ -242,7 +239,8 @@ impl Renderer {
         all_bits(step.model)?;
         let Some(backward) = &self.backward else { return Ok(()) };
         let camera = CameraPush::new(&view.camera, &view.projection);
-        let push = project_backward_adam::Push::new(&camera, step.settings, step.rates, step.steps);
+        let push =
+            project_backward_adam::Push::new(&camera, step.settings, step.rates, step.steps).deciding(step.decides);
         let [counts, splat2d, tile_counts, grad_normals] =
             slices([&self.counters, &self.splat2d, &self.tile_counts, &backward.grad_normals]);
         let listed = self.lists.listed(&self.args, entry::TILES).filter(|_| !step.catches_up);

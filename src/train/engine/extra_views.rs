@@ -31,7 +31,13 @@ impl Engine {
             perceptual.record_window(recorder, &step, window, true)?;
             step.record_exposure_backward(recorder, None)?;
             step.record_blend_backward(recorder, &lists)?;
-            self.optimiser.record_beside(recorder, &self.renderer, &self.model, &step.shot, first)?;
+            self.optimiser.record_beside(
+                recorder,
+                &self.renderer,
+                &self.model,
+                &step.shot,
+                self.optimiser.terms_beside(plan, first),
+            )?;
             first = false;
         }
         Ok(!first)

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use crate::pass::project_backward::Penalties;
 use crate::pass::{adam, project_backward_adam as fused, project_backward_adam_packed as packed};
 use crate::raster::{BackwardStep, GradientTerms, OPACITIES, PLANES, Planes, RenderView, Renderer, SH0};
 use crate::train::Error;
@@ -55,8 +56,7 @@ pub(in crate::train) struct Optimiser {
     summed: Option<Summed>,
     settings: adam::AdamSettings,
     extent: f64,
-    flatten: f32,
-    shrink: f32,
+    penalties: Penalties,
     /// Highest degree of the spherical harmonics that may have moments other than zero. Steps touch no higher degree.
     degree: AtomicU32,
 }
@@ -73,16 +73,20 @@ impl Optimiser {
     ) -> Result<Self, Error> {
         let (settings, shortcuts) = (adam::AdamSettings::default(), &training.shortcuts);
         let aux = training.geometry.has_loss();
-        let flatten = (training.geometry.lambda_flatten / extent) as f32;
-        let shrink = (training.optimiser.lambda_sh / pixels) as f32;
+        let penalties = Penalties {
+            flatten: (training.geometry.lambda_flatten / extent) as f32,
+            shrink: (training.optimiser.lambda_sh / pixels) as f32,
+            opacity: training.optimiser.lambda_opacity as f32,
+            scale: training.optimiser.lambda_scale as f32,
+            decide: (training.optimiser.lambda_binary / pixels) as f32,
+        };
         let packs = shortcuts.moment_bits == 16;
         let (kernel, needed) =
             if packs { (&packed::PASS.kernel, packed::BINDINGS) } else { (&fused::PASS.kernel, fused::BINDINGS) };
         let limit = gpu.caps().limits.storage_buffers;
         let passes = if limit >= needed {
             let of = |degree, aux| {
-                let constants = fused::flattening(fused::constants(&settings, degree, aux), flatten);
-                let constants = fused::shrinking(constants, shrink);
+                let constants = fused::penalising(fused::constants(&settings, degree, aux), penalties);
                 let listed = Self::leaves_out(gpu, training);
                 gpu.pipeline(kernel, &if listed { fused::listed(constants) } else { constants })
             };
@@ -107,7 +111,7 @@ impl Optimiser {
             moments.push(Planes::limited(gpu, "v_", capacity, training.model.sh_share)?);
         }
         let summed = several.then(|| Summed::new(gpu, capacity)).transpose()?;
-        Ok(Self { moments, passes, summed, settings, extent, flatten, shrink, degree: AtomicU32::new(0) })
+        Ok(Self { moments, passes, summed, settings, extent, penalties, degree: AtomicU32::new(0) })
     }
 
     /// Whether splats that are not on the image take no step: if the settings say so and the device binds the buffers
@@ -192,10 +196,9 @@ impl Optimiser {
         renderer: &Renderer,
         model: &Planes,
         shot: &RenderView,
-        first: bool,
+        terms: GradientTerms,
     ) -> Result<(), vk::Error> {
         let Some(summed) = self.summed() else { return Ok(()) };
-        let terms = GradientTerms { shrink: self.shrink, add: !first, ..GradientTerms::default() };
         renderer.record_project_backward_of(recorder, model, &summed.gradients, shot, terms)
     }
 
@@ -217,6 +220,7 @@ impl Optimiser {
             settings: &self.settings,
             rates: &rates,
             steps,
+            decides: plan.decides,
             stats,
             catches_up,
         };
@@ -237,7 +241,7 @@ impl Optimiser {
             }
             _ => {
                 let Some(Summed { adam, gradients }) = self.summed() else { return Ok(None) };
-                let terms = GradientTerms { aux, flatten: self.flatten, shrink: self.shrink, add: beside };
+                let terms = GradientTerms { aux, penalties: self.penalties(plan.decides), add: beside };
                 renderer.record_project_backward_of(recorder, model, gradients, shot, terms)?;
                 // All splats take this step, so all make up for missed steps first.
                 let caught_up = catch_up(recorder, plan.adam_steps.saturating_sub(1))?;
@@ -246,6 +250,15 @@ impl Optimiser {
             }
         }
         if plan.catch_up { catch_up(recorder, plan.adam_steps) } else { Ok(None) }
+    }
+
+    /// Gradient terms of the `first` or a later view beside the step's own.
+    pub(in crate::train) fn terms_beside(&self, plan: &StepPlan, first: bool) -> GradientTerms {
+        GradientTerms { aux: false, penalties: self.penalties(plan.decides).beside(), add: !first }
+    }
+
+    fn penalties(&self, decides: bool) -> Penalties {
+        Penalties { decide: if decides { self.penalties.decide } else { 0.0 }, ..self.penalties }
     }
 
     fn rates(&self, plan: &StepPlan) -> fused::LearningRates {

@@ -60,6 +60,8 @@ pub struct StepPlan {
     /// before rows move and before the stored step of a splat wraps around; the trainer adds what its host actions ask
     /// for.
     pub catch_up: bool,
+    /// Whether the loss pushes opacities to 0 or 1.
+    pub decides: bool,
     /// Learning rate of the photograph's exposure.
     pub lr_exposure: f64,
     /// How often the step's photograph has been looked at, this step included.
