@@ -84,6 +84,20 @@ fn harmonics_rise_every_thousand_steps() {
 }
 
 #[test]
+fn wide_splats_are_split_after_the_next_density_change() {
+    let at = |change: &dyn Fn(&mut Settings)| {
+        let s = schedule(|s| change(s));
+        steps(&s, |t| s.splits_wide(t))
+    };
+    assert_eq!(at(&|_| {}), Vec::<u32>::new());
+    let split = |s: &mut Settings, at: f64| (s.density.split_wavelength, s.density.split_wavelength_at) = (1.0, at);
+    assert_eq!(at(&|s| split(s, 0.1)), [3001]);
+    assert_eq!(at(&|s| split(s, 0.100_1)), [3101], "with the statistics of all splats");
+    assert_eq!([0.0, 0.8].map(|share| at(&|s| split(s, share))), [[1], [24_001]], "where nothing grows");
+    assert_eq!(at(&|s| (split(s, 0.1), s.density.no_densify = true).0), Vec::<u32>::new());
+}
+
+#[test]
 fn harmonics_of_few_splats_wait_for_the_end_of_growth() {
     let s = schedule(|s| s.model.sh_share = 0.3);
     let degrees: Vec<u32> = [999, 1000, 14_999, 15_000, 30_000].map(|t| s.step(t).sh_degree).to_vec();

@@ -58,6 +58,12 @@ impl Cache {
         Ok((saliency, version))
     }
 
+    /// The masks of all images, in parallel.
+    pub fn masks(&self, sigma: f64) -> Result<Vec<Plane>, Error> {
+        let of = |index| Ok(self.get(index, sigma)?.0.mask.clone());
+        (0..self.entries.len()).into_par_iter().map(of).collect()
+    }
+
     /// Computes the masks of all images in parallel. `sigmas` holds one sigma per image.
     pub fn prepare(&self, sigmas: &[f64]) -> Result<(), Error> {
         Error::check("sigma", sigmas.len(), self.entries.len())?;

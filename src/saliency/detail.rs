@@ -18,6 +18,9 @@ const WINDOW: f64 = 1.0;
 /// Spacings for which variation is computed: 1, 2, 4 and 8 pixels.
 const VARIATION_LEVELS: usize = 4;
 
+/// The widest spacing that [`spacing`] tries, in pixels.
+pub const WIDEST_SPACING: f64 = 11.313_708;
+
 /// The widest spacing of splats, in pixels and for each pixel, at which the root mean square of what they lose of the
 /// luma stays within `share(pixel)` times the geometric mean of the local contrast and of 0.05: 1 where no
 /// spacing does, and the widest, about 11, where all do. Spacings between those that are tried are interpolated by
@@ -48,6 +51,14 @@ pub fn spacing(luma: &Plane, share: impl Fn(usize) -> f64) -> Result<Plane, Erro
         steps[first - 1] * (steps[first] / steps[first - 1]).powf(share)
     };
     Ok(Plane::of(luma.width(), luma.height(), (0..values.len()).map(of)))
+}
+
+/// As [`spacing`], where the mask says what may be lost: from `errors[0]` of the contrast at 0 to `errors[1]` at 1,
+/// between them by logarithms.
+pub fn spacing_by_mask(luma: &Plane, mask: &Plane, errors: [f64; 2]) -> Result<Plane, Error> {
+    Error::check("the mask", mask.values().len(), luma.values().len())?;
+    let [low, high] = errors.map(f64::ln);
+    spacing(luma, |pixel| (low + (high - low) * f64::from(mask.values()[pixel])).exp())
 }
 
 /// The structure tensor of luma (the xx, xy and yy parts of the mean product of gradients, per squared pixel) at
@@ -142,7 +153,7 @@ mod tests {
 
     #[test]
     fn flat_fields_and_noise_have_the_widest_spacing() {
-        assert!(middle(&of(|_, _| 0.5), 0.3) > 11.0);
+        assert!(middle(&of(|_, _| 0.5), 0.3) >= WIDEST_SPACING);
         assert!(middle(&of(|x, y| 0.5 + 0.002 * f64::from((x * 7 + y * 3) as u32 % 3)), 0.3) > 11.0);
         assert!(middle(&of(|x, y| f64::from((x + y) as u32 % 2)), 0.3) <= 1.0, "a checkerboard needs every pixel");
     }

@@ -3,10 +3,9 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::adam::Adam;
 use super::features::Standard;
 use super::mask::logistic;
-use super::network::{Network, PARAMETERS};
+use super::network::{Adam, Network, PARAMETERS};
 use super::replay_buffer::ReplayBuffer;
 use super::{Error, Features, MaskTarget, Plane, Spectrum, composite, cross_entropy, spaced};
 

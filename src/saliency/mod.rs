@@ -20,7 +20,6 @@
 //! its derivative with respect to sigma; [`Map::mask`] gives the soft mask with its derivative. [`SigmaLearner`]
 //! chooses a sigma for each image.
 
-mod adam;
 mod blur;
 mod cache;
 mod curve;
@@ -42,7 +41,7 @@ mod spectrum;
 
 pub use cache::Cache;
 pub use curve::{Agreement, Curve, agreement, spaced};
-pub use detail::{spacing, variation, variation_floor};
+pub use detail::{WIDEST_SPACING, spacing, spacing_by_mask, variation, variation_floor};
 pub use error::Error;
 pub use features::{Features, RINGS};
 pub use gate::{Gate, Saliency};

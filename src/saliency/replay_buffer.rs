@@ -4,8 +4,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::adam::Adam;
 use super::features::RINGS;
+use super::network::Adam;
 use super::network::{Network, PARAMETERS};
 
 /// The best sigma last found for an image.

@@ -1,11 +1,13 @@
 //! What the host does to the model between steps. Each action has a file of its own, implements [`HostAction`], and is
 //! listed in [`Actions::new`]; nothing else knows an action by name.
 
+mod footprint;
 mod given;
 mod propagate;
 mod propagation;
 mod prune;
 mod sparse_sh;
+mod split_wide;
 
 use super::Error;
 use super::engine::{Appended, Engine};
@@ -19,6 +21,7 @@ use given::{AddSkirt, KeepToCloud};
 use propagate::Propagate;
 use prune::Prune;
 use sparse_sh::SettleHarmonics;
+use split_wide::SplitWide;
 
 /// Something that the host does before an event.
 pub(super) trait HostAction: Send + Sync {
@@ -73,10 +76,11 @@ impl Actions {
     /// The actions of a training that goes on after `step`.
     pub(super) fn new(gpu: &Gpu, input: &Input, settings: &Settings, step: u32) -> Result<Self, Error> {
         let optional = &input.optional;
-        let actions: [Box<dyn HostAction>; 5] = [
+        let actions: [Box<dyn HostAction>; 6] = [
             Box::new(KeepToCloud::new(optional.gate.clone())),
             Box::new(Propagate::new(gpu, input, &settings.geometry)?),
             Box::new(Prune),
+            Box::new(SplitWide::new(input, settings)),
             Box::new(SettleHarmonics),
             Box::new(AddSkirt::new(optional.skirt.clone())),
         ];

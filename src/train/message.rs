@@ -61,6 +61,15 @@ pub enum Message {
         /// Splats after the change.
         splats: u32,
     },
+    /// Splats wider than the local wavelength of the photographs were split before a step.
+    SplitWide {
+        /// Step.
+        step: u32,
+        /// Splats that were split.
+        split: u32,
+        /// Splats after the change.
+        splats: u32,
+    },
     /// Splats of little weight, or too large for their surroundings, were dropped before a step.
     Pruned {
         /// Step.

@@ -7,7 +7,12 @@ pub mod density;
 mod engine;
 mod error;
 mod input;
-mod learning;
+/// What a training learns: splats, exposures of photographs, and widths of the saliency filter.
+mod learning {
+    pub(super) mod exposures;
+    pub(super) mod optimiser;
+    pub(super) mod sigma;
+}
 mod memory;
 mod message;
 mod pacing;

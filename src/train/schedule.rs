@@ -87,6 +87,8 @@ pub struct Schedule {
     prune_before: [u32; 2],
     prune_from: u32,
     skirt_before: u32,
+    /// Splats wider than the local wavelength are split before this step; 0 for never.
+    split_wide_before: u32,
     /// Share of the splats that is dropped to make room for growth.
     recycle_share: f64,
     /// Density changes from one recycling to the next.
@@ -178,6 +180,7 @@ impl Schedule {
                 true => prune_again.max(densify_until + 1),
                 false => 0,
             },
+            split_wide_before: 0,
             recycle_share: density.recycle_share,
             recycle_every: recycle_steps(views, run.bands).div_ceil(growth.interval),
             sh_degree: settings.model.sh_degree,
@@ -194,6 +197,12 @@ impl Schedule {
             views,
             bands: run.bands.max(1),
         };
+        if density.split_wavelength > 0.0 && !density.no_densify {
+            let asked = (density.split_wavelength_at * f64::from(run.iterations)).round() as u32 + 1;
+            // Children have no statistics: where splats grow, they begin with those of all splats.
+            let mut near = asked..=asked.saturating_add(out.densify_interval);
+            out.split_wide_before = near.find(|t| out.densifies_at(t - 1)).unwrap_or(asked);
+        }
         out.propagations = Propagations::new(&settings.geometry, scaled, |t| out.view_at(t));
         out
     }
@@ -217,6 +226,11 @@ impl Schedule {
     /// photograph shows.
     pub fn skirts(&self, t: u32) -> bool {
         self.skirt_before > 0 && t == self.skirt_before
+    }
+
+    /// Whether splats wider than the local wavelength are split before step `t`.
+    pub fn splits_wide(&self, t: u32) -> bool {
+        self.split_wide_before > 0 && t == self.split_wide_before
     }
 
     /// Whether the splats with harmonics above degree 1 are chosen before step `t`.

@@ -9,11 +9,11 @@ mod early;
 mod exposed_world;
 mod exposures;
 mod harmonics;
+mod host_actions;
 mod methods;
 mod photographs;
 mod propagation;
 mod pruning;
-mod skirt;
 mod visible_adam;
 
 use std::collections::BTreeMap;

@@ -83,6 +83,11 @@ fn tell(message: &Message, progress: &mut Progress) {
             counted(*added, "splat"),
             counted(*splats, "splat")
         )),
+        Message::SplitWide { step, split, splats } => progress.detail(format_args!(
+            "step {step}: split {} wider than the local wavelength: {}",
+            counted(*split, "splat"),
+            counted(*splats, "splat")
+        )),
         Message::Pruned { step, dropped, splats } => progress.detail(format_args!(
             "step {step}: {} dropped for weight or size: {}",
             counted(*dropped, "splat"),

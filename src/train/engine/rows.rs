@@ -168,18 +168,59 @@ impl Engine {
         Ok(())
     }
 
-    /// Adds splats after the others, with moments and statistics of zero, as many as the limits allow and as fit.
-    pub(in crate::train) fn append(&mut self, new: &Gaussians) -> Result<Appended, Error> {
+    /// How many of `more` splats [`Self::append`] would add. Grows the buffers for them.
+    pub(in crate::train) fn room(&mut self, more: u32) -> Result<Appended, Error> {
         let before = self.size.splats;
-        let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
-        let (splats, next_id) = (words[counters::SPLATS], words[counters::NEXT_ID]);
+        let words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        let splats = words[counters::SPLATS];
         let limits = self.most_splats.into_iter().chain(self.settings.density.max_splats);
         let most = limits.chain([most_splats(&self.gpu)]).min().unwrap_or(0);
-        let wanted = splats.saturating_add(new.len() as u32).min(most.max(splats));
-        let more = self.room_for(wanted, &words)?.min(wanted) - splats;
-        if more == 0 {
-            return Ok(Appended { added: 0, splats, capacity: None });
+        let wanted = splats.saturating_add(more).min(most.max(splats));
+        let added = self.room_for(wanted, &words)?.min(wanted) - splats;
+        let capacity = (self.size.splats > before).then_some(self.size.splats);
+        Ok(Appended { added, splats: splats + added, capacity })
+    }
+
+    /// Gives rows of the model other splats, with moments of zero. Statistics and identities stay.
+    pub(in crate::train) fn replace(&self, rows: &[u32], by: &Gaussians) -> Result<(), Error> {
+        if rows.is_empty() {
+            return Ok(());
         }
+        let splats = self.splats()? as usize;
+        let change = |planes: &Planes, k: usize, new: Option<&[f32]>| -> Result<(), Error> {
+            let width = PLANES[k].1 as usize;
+            self.move_rows(planes, k, splats, width, |old| {
+                let mut changed = old.to_vec();
+                for (i, &row) in rows.iter().enumerate() {
+                    let there = changed.get_mut(width * row as usize..width * (row as usize + 1));
+                    let values = new.map(|new| new.get(width * i..width * (i + 1)).unwrap_or_default());
+                    match (there, values) {
+                        (Some(there), Some(values)) if there.len() == values.len() => there.copy_from_slice(values),
+                        (Some(there), None) => there.fill(0.0),
+                        _ => {}
+                    }
+                }
+                changed
+            })
+        };
+        for (k, new) in planes_of(by).into_iter().enumerate() {
+            change(&self.model, k, Some(new))?;
+            for moments in [self.optimiser.first()].into_iter().chain(self.optimiser.second()) {
+                change(moments, k, None)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds splats after the others, with moments and statistics of zero, as many as the limits allow and as fit.
+    pub(in crate::train) fn append(&mut self, new: &Gaussians) -> Result<Appended, Error> {
+        let room = self.room(new.len() as u32)?;
+        let more = room.added;
+        if more == 0 {
+            return Ok(Appended { capacity: None, ..room });
+        }
+        let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        let (splats, next_id) = (words[counters::SPLATS], words[counters::NEXT_ID]);
         let rows =
             |width: u32| 4 * u64::from(width) * u64::from(splats)..4 * u64::from(width) * u64::from(splats + more);
         let mut recorder = self.gpu.recorder("append")?;
@@ -200,7 +241,6 @@ impl Engine {
         (words[counters::SPLATS], words[counters::NEXT_ID]) = (splats + more, next_id.saturating_add(more));
         recorder.upload(&self.renderer.counters, 0, bytemuck::cast_slice(&words))?;
         self.gpu.wait(recorder.submit()?)?;
-        let capacity = (self.size.splats > before).then_some(self.size.splats);
-        Ok(Appended { added: more, splats: splats + more, capacity })
+        Ok(room)
     }
 }

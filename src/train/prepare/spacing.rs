@@ -32,20 +32,13 @@ impl Densities {
 
     /// As close as it takes to show the photographs, with the error that the settings allow for the mask's value.
     pub(super) fn by_frequency(scene: &Scene, training: &Settings, gate: Gate, sigma: f64) -> Result<Self, Error> {
-        let geometry = &training.geometry;
-        let luma = |view: &StereoView| Plane::new(view.camera.width, view.camera.height, view.luma.clone());
-        let lumas = scene.views.iter().map(luma).collect::<Result<Vec<_>, _>>()?;
-        let cache = Cache::new(lumas.clone(), gate, training.run.seed, &saliency::Settings::default())?;
-        cache.prepare(&vec![sigma; lumas.len()])?;
-        let of_view = |(number, luma): (usize, &Plane)| {
-            let (found, _) = cache.get(number, sigma)?;
-            let mask = found.mask.resized(luma.width(), luma.height());
-            let (low, high) = (geometry.stereo_error_low.ln(), geometry.stereo_error_high.ln());
-            let allowed = |pixel: usize| (low + (high - low) * f64::from(mask.values()[pixel])).exp();
-            let spacing = saliency::spacing(luma, allowed)?;
+        let (lumas, masks) = masked(scene, training, gate, sigma)?;
+        let errors = [training.geometry.stereo_error_low, training.geometry.stereo_error_high];
+        let of_view = |(luma, mask): (&Plane, &Plane)| {
+            let spacing = saliency::spacing_by_mask(luma, mask, errors)?;
             Ok(spacing.values().iter().map(|s| 1.0 / (s * s)).collect())
         };
-        let densities: Result<Vec<Vec<f32>>, saliency::Error> = lumas.par_iter().enumerate().map(of_view).collect();
+        let densities: Result<Vec<Vec<f32>>, saliency::Error> = lumas.par_iter().zip(&masks).map(of_view).collect();
         Ok(Self(densities?))
     }
 
@@ -59,8 +52,8 @@ impl Densities {
         points.iter().map(|point| self.of(point)).sum::<f64>() / points.len().max(1) as f64
     }
 
-    /// `count` of the points, or all where there are fewer, as dense as the densities say. There are `layers` points for
-    /// each pixel of surface.
+    /// `count` of the points, or all where there are fewer, as dense as the densities say. `layers` is the number of
+    /// points for each pixel of surface.
     pub(super) fn choose<'a>(
         &self,
         points: &'a [FusedPoint],
@@ -89,6 +82,32 @@ impl Densities {
         }
         chosen
     }
+}
+
+/// The luma of the photographs as stereo sees them, and their masks.
+fn masked(scene: &Scene, training: &Settings, gate: Gate, sigma: f64) -> Result<(Vec<Plane>, Vec<Plane>), Error> {
+    let luma = |view: &StereoView| Plane::new(view.camera.width, view.camera.height, view.luma.clone());
+    let lumas = scene.views.iter().map(luma).collect::<Result<Vec<_>, _>>()?;
+    let cache = Cache::new(lumas, gate, training.run.seed, &saliency::Settings::default())?;
+    let masks = cache.masks(sigma)?;
+    Ok((cache.images().cloned().collect(), masks))
+}
+
+/// Leaves pixels out of stereo whose mask value is at least `stereo-texture`.
+pub(super) fn leave_out_texture(scene: &mut Scene, training: &Settings) -> Result<(), Error> {
+    let (from, frequencies) = (training.geometry.stereo_texture, &training.frequencies);
+    if from >= 1.0 {
+        return Ok(());
+    }
+    let (_, masks) = masked(scene, training, frequencies.gate, frequencies.sigma)?;
+    for (view, mask) in scene.views.iter_mut().zip(masks) {
+        let before = view.wanted.take();
+        let wanted = |(pixel, value): (usize, &f32)| {
+            f64::from(*value) < from && before.as_ref().is_none_or(|w| w.get(pixel).copied().unwrap_or(false))
+        };
+        view.wanted = Some(mask.values().iter().enumerate().map(wanted).collect());
+    }
+    Ok(())
 }
 
 /// What densities are multiplied by for their sum, each at most 1, to be `count`.

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::shapes::{Shape, shapes, widen_by_density};
-use super::spacing::{Chosen, Densities};
+use super::spacing::{Chosen, Densities, leave_out_texture};
 use super::spread;
-use super::stereo_cost::{leave_out_texture, stereo_settings};
+use super::stereo_cost::stereo_settings;
 use crate::dataset::{Dataset, HostShare, Role};
 use crate::format::LeftOut;
 use crate::scene::{Camera, Frame, Gaussians, init};
@@ -156,6 +156,7 @@ fn chosen_on_surfaces<'a>(
     let asked = surface * densities.mean(fused) * finer(longer_side(sizes(input)), training.run.iterations);
     let count = splats_on_surfaces(points, asked, fit, training) as usize;
     let spacing = match training.geometry.stereo_spacing {
+        Spacing::Frequency if (training.frequencies.gate, training.frequencies.sigma) == (gate, sigma) => densities,
         Spacing::Frequency => {
             Densities::by_frequency(scene, training, training.frequencies.gate, training.frequencies.sigma)?
         }

@@ -1,8 +1,6 @@
-//! Limits the time of stereo: settings that fit the training, and pixels that are left out.
+//! Limits the time of stereo: settings that fit the training.
 
-use crate::saliency::{self, Cache, Plane};
-use crate::stereo::{self, Budget, Scene};
-use crate::train::Error;
+use crate::stereo::{self, Budget};
 use crate::train::settings::Settings;
 
 /// Time of a step of `3dgs` in samples of stereo: this many for each pixel of the photograph and for [`STEP_PIXELS`]
@@ -33,27 +31,4 @@ pub fn stereo_settings(training: &Settings, photographs: impl IntoIterator<Item 
     let samples = training.geometry.stereo_share * f64::from(training.run.iterations) * of_a_step;
     let budget = Budget { samples: samples.max(LEAST_SAMPLES) };
     budget.fitting(&settings, settings.max_side / SMALLER, views, largest.0, largest.1)
-}
-
-/// Leaves pixels out of stereo whose mask value is at least `stereo-texture`, by saliency masks at the size of the
-/// matched photographs.
-pub(super) fn leave_out_texture(scene: &mut Scene, training: &Settings) -> Result<(), Error> {
-    let (from, frequencies) = (training.geometry.stereo_texture, &training.frequencies);
-    if from >= 1.0 {
-        return Ok(());
-    }
-    let luma = |view: &stereo::StereoView| Plane::new(view.camera.width, view.camera.height, view.luma.clone());
-    let lumas = scene.views.iter().map(luma).collect::<Result<Vec<_>, _>>()?;
-    let cache = Cache::new(lumas, frequencies.gate, training.run.seed, &saliency::Settings::default())?;
-    cache.prepare(&vec![frequencies.sigma; scene.views.len()])?;
-    for (number, view) in scene.views.iter_mut().enumerate() {
-        let (saliency, _) = cache.get(number, frequencies.sigma)?;
-        let mask = saliency.mask.resized(view.camera.width, view.camera.height);
-        let before = view.wanted.take();
-        let wanted = |(pixel, value): (usize, &f32)| {
-            f64::from(*value) < from && before.as_ref().is_none_or(|w| w.get(pixel).copied().unwrap_or(false))
-        };
-        view.wanted = Some(mask.values().iter().enumerate().map(wanted).collect());
-    }
-    Ok(())
 }

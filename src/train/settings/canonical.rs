@@ -28,6 +28,10 @@ impl Settings {
             s.density.grow_on_until = plain.density.grow_on_until;
             s.density.grow_on_threshold = plain.density.grow_on_threshold;
         }
+        if s.density.split_wavelength == 0.0 || s.density.no_densify {
+            s.density.split_wavelength = plain.density.split_wavelength;
+            s.density.split_wavelength_at = plain.density.split_wavelength_at;
+        }
         if s.frequencies.low_stage == 0.0 {
             s.frequencies.low_texture_weight = plain.frequencies.low_texture_weight;
         }
@@ -67,7 +71,8 @@ impl Settings {
             s.geometry.stereo_opacity = plain.geometry.stereo_opacity;
             s.geometry.stereo_alone = plain.geometry.stereo_alone;
         }
-        if s.geometry.stereo_spacing == Spacing::Uniform && s.geometry.stereo_splats > 0 {
+        let spaced = s.geometry.stereo_spacing == Spacing::Frequency || s.density.split_wavelength > 0.0;
+        if !spaced && s.geometry.stereo_splats > 0 {
             s.geometry.stereo_error_low = plain.geometry.stereo_error_low;
             s.geometry.stereo_error_high = plain.geometry.stereo_error_high;
         }

@@ -17,6 +17,7 @@ impl Settings {
             || self.geometry.depth_prior != DepthPrior::None
             || (frequencies.low_stage > 0.0 && by_stage)
             || (density.growth == Growth::Sampled && density.sample_mask_share > 0.0)
+            || (density.split_wavelength > 0.0 && !density.no_densify)
             || (self.geometry.begins_on_surfaces() && self.geometry.stereo_spacing == Spacing::Frequency)
     }
 
@@ -57,7 +58,7 @@ impl Settings {
     }
 
     /// Constraints between harmonics, background and losses.
-    fn together(&self) -> [Constraint; 6] {
+    fn together(&self) -> [Constraint; 7] {
         let Self { run, model, texture, shortcuts, density, geometry, .. } = self;
         let growth_ends = run.scale_schedule || density.no_densify || density.densify_until < run.iterations;
         let one_colour = self.photographs.transparent == Transparent::LeftOut || model.background != Background::Random;
@@ -78,6 +79,11 @@ impl Settings {
                 model.sh_share == 1.0 || geometry.depth_prior != DepthPrior::Propagation,
                 "sh-share",
                 "1 where depths are propagated",
+            ),
+            (
+                model.sh_share == 1.0 || density.split_wavelength == 0.0,
+                "split-wavelength",
+                "0 where sh-share is below 1",
             ),
             (
                 texture.lambda_constrained == 0.0 || self.frequencies.low_stage > 0.0,

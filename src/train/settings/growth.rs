@@ -94,6 +94,11 @@ group! {
         pub absgrad: bool = false,
         /// Whether splats are pruned that were blended into no pixel since the last density change, with sampled growth
         pub prune_unseen: bool = false,
+        /// Splats are split once, early, along the axes along which they are more than this many times as wide (two
+        /// standard deviations) as the local spacing, by wavelength, stereo-error-low and stereo-error-high (0: none)
+        pub split_wavelength: f64 = 0.0; Range::WEIGHT,
+        /// Share of the steps after which they are, with the next density change
+        pub split_wavelength_at: f64 = 0.1; Range::SHARE,
         /// Whether splats are split along the axis along which the loss changes most, in place of the longest, with
         /// sampled growth
         pub split_along_gradient: bool = false,

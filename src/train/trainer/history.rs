@@ -32,6 +32,7 @@ impl History {
             Message::Density { step, splats, .. }
             | Message::Propagated { step, splats, .. }
             | Message::Skirted { step, splats, .. }
+            | Message::SplitWide { step, splats, .. }
             | Message::Pruned { step, splats, .. } => {
                 self.splats.push((*step, *splats));
             }
