@@ -126,7 +126,7 @@ pub(crate) fn no_option(name: &str, has_set: bool) -> Option<String> {
 }
 
 /// What to use instead of a removed option or key.
-fn removed(key: &str) -> Option<&'static str> {
+pub(crate) fn removed(key: &str) -> Option<&'static str> {
     REMOVED.iter().find(|(removed, _)| *removed == key).map(|(_, instead)| *instead)
 }
 

@@ -1,12 +1,13 @@
 //! `psrgs-vk compare`: trains every method on every scene and tabulates the results.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use anyhow::Context as _;
+use clap::{Args as _, FromArgMatches as _};
 use psrgs_vk::compare::{Finished, Run, Size, csv, markdown, page};
 use psrgs_vk::eval::{Geometry, Metrics};
 use psrgs_vk::format::atomic;
@@ -18,15 +19,17 @@ use super::console::{self, Console};
 use super::eval;
 use super::exit::Failure;
 use super::interrupt::Interrupt;
-use super::run_folder::{MODEL, SETTINGS};
-use ablate::Row;
+use super::run_folder::{CHECKPOINTS, METRICS, MODEL, SETTINGS};
+use super::train;
+use rows::Row;
 
-mod ablate;
 mod child;
+mod rows;
 
 const EXAMPLES: &str = "\
 Examples:
   psrgs-vk compare fox caliterra --methods 3dgs,lean,psrgs --seeds 3 --out compared
+  psrgs-vk compare fox --methods 3dgs:start=stereo:housekeeping=lean,psrgs,psrgs:low-stage=0 --out parts
   psrgs-vk compare fox --ablate psrgs --split val --out ablation
   psrgs-vk compare fox --percent 25,50,70,100 --out by-splats -- --lr-opacities 0.05
 
@@ -43,10 +46,11 @@ pub(crate) struct Args {
     /// Folder of the runs and of the tables
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Methods; the others are compared with 3dgs where it is one of them, else with the first
+    /// Methods, each with settings of its own where wanted, as in psrgs:start=sfm:low-stage=0. Keys are those of `train
+    /// --set`. The rows are compared with 3dgs where it is one of them, else with the first
     #[arg(
         long,
-        value_name = "M,M...",
+        value_name = "M[:KEY=VALUE],...",
         value_delimiter = ',',
         default_value = "3dgs,absgs,gspro,rsgs,lean,psrgs-paper,psrgs"
     )]
@@ -98,10 +102,10 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyh
         console.say(format_args!("{} of {}: {}", number + 1, runs.len(), run.folder()));
         let options = options(args, run, &finished)?;
         same_as_before(&at, run, &options)?;
-        if !at.join("metrics.json").is_file() {
+        if !at.join(METRICS).is_file() {
             // What was judged before is another model.
             let _ = fs::remove_file(at.join(JUDGED));
-            train(run, &at, &options, interrupt)?;
+            train_run(run, &at, &options, interrupt)?;
         }
         if !at.join(JUDGED).is_file() {
             judge(args, run, &at, interrupt, console)?;
@@ -122,19 +126,23 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyh
     Ok(())
 }
 
+/// The row of the published method, whose splats limit those of others.
+const PUBLISHED: &str = "3dgs";
+
 /// The runs in order: 3dgs comes before runs whose number of splats depends on it.
 fn runs(args: &Args) -> anyhow::Result<Vec<Run>> {
-    let labels: Vec<Row> = match &args.ablate {
-        Some(method) => ablate::rows(method)?,
-        None => args.methods.iter().map(|m| (m.clone(), m.clone(), Vec::new())).collect(),
+    let rows = match &args.ablate {
+        Some(method) => rows::ablated(method)?,
+        None => rows::written(&args.methods)?,
     };
-    if !args.percent.is_empty() && labels.first().is_none_or(|(_, method, _)| method != "3dgs") {
-        return Err(
-            Failure::Usage("--percent: splats are counted by those of 3dgs, which must come first".into()).into()
-        );
-    }
-    for (_, method, _) in &labels {
-        method.parse::<Method>().map_err(|problem| Failure::Usage(format!("--methods: {problem}")))?;
+    if !args.percent.is_empty() {
+        if rows.first().is_none_or(|row| row.label != PUBLISHED) {
+            let text = "--percent: splats are counted by those of 3dgs, which must come first";
+            return Err(Failure::Usage(text.into()).into());
+        }
+        if let Some(row) = rows.iter().find(|row| rows::sets(&row.options, "max-splats")) {
+            return Err(rows::in_row(&row.label, &"--percent limits its splats, so that max-splats cannot").into());
+        }
     }
     if args.split == Split::None {
         return Err(Failure::Usage("--split none: nothing is held out that methods could be compared by".into()).into());
@@ -157,28 +165,51 @@ fn runs(args: &Args) -> anyhow::Result<Vec<Run>> {
         let scene =
             name.ok_or_else(|| Failure::Usage(format!("{}: a folder with a name is needed", data.display())))?;
         for seed in 0..args.seeds {
-            for (label, method, options) in &labels {
-                let sizes = std::iter::once(Size::Own).chain(args.percent.iter().map(|p| Size::Percent(*p)));
-                let (label, options) = match method.as_str() {
-                    "rsgs" => with_cloud(label, options, args.lidar.clone().unwrap_or_else(|| cloud_of(data))),
-                    _ => (label.clone(), options.clone()),
-                };
-                // 3dgs has 100 percent of its own splats anyway.
-                for size in sizes.filter(|size| !(method == "3dgs" && *size == Size::Percent(100))) {
-                    runs.push(Run {
-                        scene: scene.clone(),
-                        data: data.clone(),
-                        label: label.clone(),
-                        method: method.clone(),
-                        options: options.clone(),
-                        seed,
-                        size,
-                    });
-                }
-            }
+            runs.extend(rows.iter().flat_map(|row| of_row(args, row, data, &scene, seed)));
         }
     }
+    let mut folders = BTreeSet::new();
+    if let Some(run) = runs.iter().find(|run| !folders.insert(run.folder().to_lowercase())) {
+        let text =
+            format!("{}: two runs would have this folder; rename a dataset's folder, or link to it", run.folder());
+        return Err(Failure::Usage(text).into());
+    }
+    let with_settings = |run: &&Run| run.row.contains(':') && run.size == Size::Own;
+    runs.iter().filter(with_settings).try_for_each(|run| can_be_made(args, run))?;
     Ok(runs)
+}
+
+/// The runs of a row with one seed: without a limit of splats, and with each.
+fn of_row(args: &Args, row: &Row, data: &Path, scene: &str, seed: u64) -> Vec<Run> {
+    let sizes = std::iter::once(Size::Own).chain(args.percent.iter().map(|p| Size::Percent(*p)));
+    let has_cloud = rows::sets(&row.options, "lidar") || rows::sets(&args.options, "lidar");
+    let (label, options) = match row.method {
+        Method::Rsgs if !has_cloud => with_cloud(row, args.lidar.clone().unwrap_or_else(|| cloud_of(data))),
+        _ => (row.label.clone(), row.options.clone()),
+    };
+    let run = |size| Run {
+        scene: scene.to_owned(),
+        data: data.to_owned(),
+        label: label.clone(),
+        row: row.label.clone(),
+        method: row.method.to_string(),
+        options: options.clone(),
+        seed,
+        size,
+    };
+    // 3dgs has 100 percent of its own splats anyway.
+    sizes.filter(|size| !(row.label == PUBLISHED && *size == Size::Percent(100))).map(run).collect()
+}
+
+/// Refuses a row whose settings cannot be trained together, before any run. Options of all rows that are wrong by
+/// themselves are for the training to tell.
+fn can_be_made(args: &Args, run: &Run) -> anyhow::Result<()> {
+    let mut options = options(args, run, &[])?;
+    options.push(run.data.display().to_string());
+    let command = train::Args::augment_args(clap::Command::new("train").no_binary_name(true));
+    let Ok(matches) = command.try_get_matches_from(options) else { return Ok(()) };
+    let asked = train::Args::from_arg_matches(&matches)?;
+    asked.plan(&matches).map(drop).map_err(|problem| rows::in_row(&run.row, &format!("{problem:#}")).into())
 }
 
 /// The laser scan in the dataset's folder, else the surfaces of stereo.
@@ -188,16 +219,16 @@ fn cloud_of(data: &Path) -> LidarCloud {
 }
 
 /// A row of rsgs. Its label says where no laser scan was found.
-fn with_cloud(label: &str, options: &[String], cloud: LidarCloud) -> (String, Vec<String>) {
+fn with_cloud(row: &Row, cloud: LidarCloud) -> (String, Vec<String>) {
     let mut settings = Settings::of_method(Method::Rsgs);
-    let with = options.iter().cloned().chain(["--lidar".to_owned(), cloud.to_string()]).collect();
+    let with = row.options.iter().cloned().chain(["--lidar".to_owned(), cloud.to_string()]).collect();
     settings.density.lidar = Some(cloud);
     let note = settings.method_name();
     let note = note.strip_prefix(&Method::Rsgs.to_string()).unwrap_or_default();
-    (format!("{label}{note}"), with)
+    (format!("{}{note}", row.label), with)
 }
 
-/// The options of `train` for a run, without the folder of its results.
+/// The options of `train` for a run, without the folder of its results. Those of its row win.
 fn options(args: &Args, run: &Run, finished: &[Finished]) -> anyhow::Result<Vec<String>> {
     let mut options: Vec<String> =
         ["--preset", "standard", "--scale-schedule", "--tune", "off", "--eval-every", "0"].map(String::from).into();
@@ -211,7 +242,9 @@ fn options(args: &Args, run: &Run, finished: &[Finished]) -> anyhow::Result<Vec<
         add("--max-splats", allowed(run, share, finished)?.to_string());
     }
     options.extend(args.strict.then(|| "--strict".to_owned()));
-    options.extend(run.options.iter().chain(&args.options).cloned());
+    options = rows::without(&options, &run.options);
+    options.extend(run.options.iter().cloned());
+    options.extend(rows::without(&args.options, &run.options));
     Ok(options)
 }
 
@@ -221,8 +254,11 @@ fn asked(run: &Run, options: &[String]) -> String {
     format!("{} {}", data.display(), options.join(" "))
 }
 
-/// Refuses the folder of a finished run with another dataset or other options.
+/// Refuses the folder of a run with another dataset or other options. A run of which nothing is left is made anew.
 fn same_as_before(at: &Path, run: &Run, options: &[String]) -> anyhow::Result<()> {
+    if !at.join(METRICS).is_file() && !begun(at) {
+        return Ok(());
+    }
     let (Ok(before), now) = (fs::read_to_string(at.join(OPTIONS)), asked(run, options)) else { return Ok(()) };
     if before.trim_end() == now {
         return Ok(());
@@ -237,26 +273,25 @@ fn same_as_before(at: &Path, run: &Run, options: &[String]) -> anyhow::Result<()
 }
 
 /// Trains in a process of its own, so that the run's seconds include everything.
-fn train(run: &Run, at: &Path, options: &[String], interrupt: &Interrupt) -> anyhow::Result<()> {
+fn train_run(run: &Run, at: &Path, options: &[String], interrupt: &Interrupt) -> anyhow::Result<()> {
     let program = std::env::current_exe().context("this program has no file")?;
     let mut command = Command::new(program);
     command.arg("--quiet").arg("train");
-    let begun = fs::read_dir(at.join("checkpoints")).is_ok_and(|mut files| files.next().is_some());
     let mut before = 0.0;
-    if begun {
+    if begun(at) {
         before = seconds(at).unwrap_or(0.0);
         command.arg("--resume").arg(at);
     } else {
+        let _ = fs::remove_file(at.join(SECONDS));
         command.arg(&run.data).arg("--out").arg(at).arg("--overwrite").args(options);
     }
+    let note = |name: &str, text: String| atomic::write(&at.join(name), |out| out.write_all(text.as_bytes()));
+    // Before the training, which may be killed.
+    fs::create_dir_all(at).with_context(|| Failure::Output(at.display().to_string()))?;
+    note(OPTIONS, format!("{}\n", asked(run, options)))?;
     let started = Instant::now();
     let status = child::run(&mut command, interrupt).context("the training cannot be run")?;
-    let taken = before + started.elapsed().as_secs_f64();
-    if at.is_dir() {
-        for (name, text) in [(SECONDS, format!("{taken:.3}\n")), (OPTIONS, format!("{}\n", asked(run, options)))] {
-            atomic::write(&at.join(name), |out| out.write_all(text.as_bytes()))?;
-        }
-    }
+    note(SECONDS, format!("{:.3}\n", before + started.elapsed().as_secs_f64()))?;
     match status.code() {
         Some(0) => Ok(()),
         Some(130) => Err(Failure::Interrupted("stopped; the same command goes on from here".into()).into()),
@@ -276,7 +311,8 @@ fn judge(args: &Args, run: &Run, at: &Path, interrupt: &Interrupt, console: &Con
     command.arg("--judge-depths").arg("--json").arg(at.join(JUDGED));
     command.args(["--max-side", &args.max_side.to_string(), "--split", &args.split.to_string()]);
     command.args(args.strict.then_some("--strict"));
-    command.args(eval::known_options(run.options.iter().chain(&args.options)));
+    let of_all = rows::without(&args.options, &run.options);
+    command.args(eval::known_options(run.options.iter().chain(&of_all)));
     let status = child::run(command.stdout(Stdio::null()), interrupt).context("the model cannot be scored")?;
     if interrupt.asked() {
         return Err(Failure::Interrupted("stopped; the same command goes on from here".into()).into());
@@ -291,10 +327,15 @@ fn judge(args: &Args, run: &Run, at: &Path, interrupt: &Interrupt, console: &Con
 fn allowed(run: &Run, share: u32, finished: &[Finished]) -> anyhow::Result<u64> {
     let same = |f: &&Finished| {
         let of = &f.run;
-        of.method == "3dgs" && of.size == Size::Own && of.scene == run.scene && of.seed == run.seed
+        of.label == PUBLISHED && of.size == Size::Own && of.scene == run.scene && of.seed == run.seed
     };
     let base = finished.iter().find(same).context("3dgs has not been trained on this scene")?;
     Ok((base.metrics.splats as u64 * u64::from(share) / 100).max(1))
+}
+
+/// Whether a training has left a checkpoint.
+fn begun(at: &Path) -> bool {
+    fs::read_dir(at.join(CHECKPOINTS)).is_ok_and(|mut files| files.next().is_some())
 }
 
 fn seconds(at: &Path) -> Option<f64> {
@@ -302,7 +343,7 @@ fn seconds(at: &Path) -> Option<f64> {
 }
 
 fn read(run: &Run, at: &Path) -> anyhow::Result<Finished> {
-    let file = at.join("metrics.json");
+    let file = at.join(METRICS);
     let text = psrgs_vk::format::read_text(&file).with_context(|| Failure::Input(file.display().to_string()))?;
     let mut metrics: Metrics =
         serde_json::from_str(&text).with_context(|| Failure::Input(file.display().to_string()))?;

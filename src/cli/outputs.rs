@@ -187,6 +187,7 @@ fn metrics(
         psnr_high_frequency: None,
         psnr_training: None,
         ssim_training: None,
+        first_splats: trainer.history().splats.first().map(|(_, splats)| *splats as usize),
         splats: saved.model.len(),
         bytes: saved.bytes,
         seconds: saved.seconds,

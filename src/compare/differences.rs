@@ -92,7 +92,7 @@ pub(super) fn differences(finished: &[Finished]) -> String {
     let mut out = String::new();
     for size in sizes {
         // 3dgs has all of its own splats.
-        let whole = |f: &Finished| size == Size::Percent(100) && f.run.size == Size::Own && f.run.method == "3dgs";
+        let whole = |f: &Finished| size == Size::Percent(100) && f.run.size == Size::Own && f.run.label == "3dgs";
         let of_size: Vec<&Finished> = finished.iter().filter(|f| f.run.size == size || whole(f)).collect();
         let labels = labels(&of_size);
         let Some(base) = labels.iter().find(|label| **label == "3dgs").or(labels.first()).copied() else { continue };

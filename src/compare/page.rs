@@ -14,6 +14,8 @@ const LEFT: f64 = 56.0;
 const BOTTOM: f64 = 44.0;
 const TOP: f64 = 28.0;
 const RIGHT: f64 = 30.0;
+/// Height of a line of the legend.
+const LINE: f64 = 14.0;
 
 /// HTML without outside requests.
 pub fn page(title: &str, finished: &[Finished]) -> String {
@@ -107,8 +109,15 @@ fn plot(name: &str, finished: &[&Finished], number: fn(&Finished) -> f64) -> Str
         let room = (0.08 * (high - low)).max(1e-3 * high.abs()).max(1e-9);
         (low - room, high + room)
     };
+    let mut labels: Vec<&str> = Vec::new();
+    for (f, ..) in &points {
+        if !labels.contains(&f.run.label.as_str()) {
+            labels.push(&f.run.label);
+        }
+    }
+    let height = HEIGHT + LINE * lines(&labels).last().map_or(0.0, |(_, line)| *line as f64);
     let mut out =
-        format!("<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"{WIDTH}\" font-family=\"sans-serif\" font-size=\"12\">");
+        format!("<svg viewBox=\"0 0 {WIDTH} {height}\" width=\"{WIDTH}\" font-family=\"sans-serif\" font-size=\"12\">");
     let _ = write!(out, "<text x=\"{LEFT}\" y=\"16\" font-weight=\"bold\">PSNR (dB) against {name}</text>");
     if points.is_empty() {
         return out + "</svg>";
@@ -134,35 +143,57 @@ fn plot(name: &str, finished: &[&Finished], number: fn(&Finished) -> f64) -> Str
             fraction(y, y_digits)
         );
     }
-    let mut labels: Vec<&str> = Vec::new();
-    for (f, ..) in &points {
-        if !labels.contains(&f.run.label.as_str()) {
-            labels.push(&f.run.label);
-        }
-    }
     for (i, label) in labels.iter().enumerate() {
-        let colour = COLOURS[i % COLOURS.len()];
+        let (stroke, fill) = colours(i);
         let mut own: Vec<&(&Finished, f64, f64)> = points.iter().filter(|(f, ..)| f.run.label == *label).collect();
         own.sort_by(|a, b| a.1.total_cmp(&b.1));
         if own.iter().any(|(f, ..)| f.run.size != Size::Own) {
             let path: Vec<String> = own.iter().map(|p| format!("{:.1} {:.1}", sx(p.1), sy(p.2))).collect();
-            let _ = write!(out, "<path d=\"M{}\" fill=\"none\" stroke=\"{colour}\"/>", path.join("L"));
+            let _ = write!(out, "<path d=\"M{}\" fill=\"none\" stroke=\"{stroke}\"/>", path.join("L"));
         }
         for (_, x, y) in own {
-            let _ = write!(out, "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"4\" fill=\"{colour}\"/>", sx(*x), sy(*y));
+            let (x, y) = (sx(*x), sy(*y));
+            let _ = write!(out, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" stroke=\"{stroke}\" fill=\"{fill}\"/>");
         }
-        let at = (LEFT + 8.0 + 110.0 * (i % 4) as f64, HEIGHT - 12.0 + 12.0 * (i / 4) as f64 - 4.0);
+    }
+    out + &legend(&labels) + "</svg>"
+}
+
+/// The colours of a label's circles: line and inside. Beyond the number of colours circles are hollow.
+fn colours(i: usize) -> (&'static str, &'static str) {
+    let colour = COLOURS[i % COLOURS.len()];
+    (colour, if (i / COLOURS.len()) % 2 == 0 { colour } else { "#fff" })
+}
+
+/// Lines of labels under a plot, each with as many as it has room for.
+fn lines(labels: &[&str]) -> Vec<(f64, usize)> {
+    let (mut x, mut line) = (LEFT, 0);
+    let mut places = Vec::new();
+    for label in labels {
+        let width = (24.0 + 7.0 * label.chars().count() as f64).max(110.0);
+        if x > LEFT && x + width > WIDTH {
+            (x, line) = (LEFT, line + 1);
+        }
+        places.push((x, line));
+        x += width;
+    }
+    places
+}
+
+fn legend(labels: &[&str]) -> String {
+    let mut out = String::new();
+    for (i, (label, (x, line))) in labels.iter().zip(lines(labels)).enumerate() {
+        let ((stroke, fill), y) = (colours(i), HEIGHT - 8.0 + LINE * line as f64);
         let _ = write!(
             out,
-            "<circle cx=\"{}\" cy=\"{}\" r=\"4\" fill=\"{colour}\"/><text x=\"{}\" y=\"{}\">{}</text>",
-            at.0,
-            at.1 - 4.0,
-            at.0 + 8.0,
-            at.1,
+            "<circle cx=\"{}\" cy=\"{}\" r=\"4\" stroke=\"{stroke}\" fill=\"{fill}\"/><text x=\"{}\" y=\"{y}\">{}</text>",
+            x + 8.0,
+            y - 4.0,
+            x + 16.0,
             escape(label)
         );
     }
-    out + "</svg>"
+    out
 }
 
 #[cfg(test)]
@@ -177,6 +208,14 @@ mod tests {
                 (0..=4).map(|k| format!("{:.digits$}", low + f64::from(k) * step).parse().unwrap()).collect();
             assert!(labels.windows(2).all(|w| ((w[1] - w[0]) / step - 1.0).abs() < 0.11), "{labels:?}");
         }
+    }
+
+    #[test]
+    fn labels_of_any_length_have_room_in_the_legend() {
+        let numbers = |labels: &[&str]| lines(labels).into_iter().map(|(_, line)| line).collect::<Vec<_>>();
+        let long = "3dgs:start=stereo:housekeeping=lean";
+        assert_eq!(numbers(&["3dgs", "lean", "psrgs", "absgs", "gspro"]), [0, 0, 0, 0, 1]);
+        assert_eq!(numbers(&[long, "psrgs", long]), [0, 0, 1]);
     }
 
     #[test]

@@ -20,8 +20,10 @@ pub struct Run {
     pub scene: String,
     /// Its dataset.
     pub data: PathBuf,
-    /// What the row is called: a method, or a method without one of its parts.
+    /// What the row is called: a method, a method with settings of its own, or a method without one of its parts.
     pub label: String,
+    /// The label without a note on what was found.
+    pub row: String,
     /// The method.
     pub method: String,
     /// Options beyond those of all runs.
@@ -39,11 +41,27 @@ impl Run {
             Size::Own => String::new(),
             Size::Percent(share) => format!("-{share}percent"),
         };
-        // A note after the name is for the tables.
-        let label = self.label.split(' ').next().unwrap_or_default();
-        let ending = format!("-{label}{size}-s{}", self.seed);
+        let ending = format!("-{}{size}-s{}", in_a_file_name(&self.row), self.seed);
         format!("{}{ending}", names::bounded(&self.scene, 255_usize.saturating_sub(ending.len())))
     }
+}
+
+/// Most bytes of a row in the name of a folder.
+const LONGEST_ROW: usize = 160;
+
+/// A row as a part of a file name on every file system: `3dgs:start=stereo` is `3dgs+start~stereo`. Other rows have
+/// other names, also where case is ignored.
+fn in_a_file_name(row: &str) -> String {
+    let mut out = String::new();
+    for byte in row.bytes() {
+        match byte {
+            b':' => out.push('+'),
+            b'=' => out.push('~'),
+            b'a'..=b'z' | b'0'..=b'9' | b'.' | b'-' => out.push(char::from(byte)),
+            byte => out += &format!("%{byte:02x}"),
+        }
+    }
+    names::bounded(&out, LONGEST_ROW)
 }
 
 /// The metric by which a part of a method is judged, and its direction: named before any run.
@@ -146,3 +164,38 @@ pub const ABLATIONS: [Ablation; 36] = [
     Ablation { name: "published-dssim", options: &["--lambda-dssim", "0.2"], primary: Primary::PsnrSeenUp },
     Ablation { name: "no-early-cutoff", options: &["--set=early-steps=0"], primary: Primary::PsnrSeenUp },
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folder(row: &str, size: Size) -> String {
+        let run = Run {
+            scene: "fox".into(),
+            data: "fox".into(),
+            label: format!("{row} (a note)"),
+            row: row.into(),
+            method: "3dgs".into(),
+            options: Vec::new(),
+            seed: 2,
+            size,
+        };
+        run.folder()
+    }
+
+    #[test]
+    fn rows_have_folders_of_their_own_on_every_file_system() {
+        assert_eq!(folder("psrgs-no-stereo", Size::Percent(50)), "fox-psrgs-no-stereo-50percent-s2");
+        assert_eq!(folder("3dgs:start=stereo:low-stage=0", Size::Own), "fox-3dgs+start~stereo+low-stage~0-s2");
+        let long = |end: &str| format!("3dgs:init={}{end}", "x".repeat(500));
+        let rows =
+            ["3dgs:init=a/b.ply", "3dgs:init=A/b.ply", "3dgs:init=a\\b.ply", "3dgs:init=a+b.ply", "3dgs:init=a b.ply"];
+        let rows = rows.map(str::to_owned).into_iter().chain([long("a"), long("b")]);
+        let mut seen = std::collections::BTreeSet::new();
+        for row in rows {
+            let name = folder(&row, Size::Own);
+            assert!(name.len() < 255 && !name.contains(|c| "<>:\"/\\|?*= ".contains(c)), "{name}");
+            assert!(seen.insert(name.to_lowercase()), "{name} is the folder of two rows");
+        }
+    }
+}

@@ -54,7 +54,7 @@ pub struct Summary {
     /// Number of seeds.
     pub seeds: usize,
     /// PSNR of what is seen, PSNR, SSIM, LPIPS, GMSD, psnr_cc, psnr_hf, PSNR and SSIM of photographs trained on, splats,
-    /// bytes and seconds. `None` where no run has the number.
+    /// first splats, bytes and seconds. `None` where no run has the number.
     pub values: Vec<Option<Spread>>,
 }
 
@@ -62,7 +62,7 @@ pub struct Summary {
 pub(super) type Number = fn(&Finished) -> Option<f64>;
 
 /// The columns of the table: heading, name in the CSV file, digits after the point, and the number.
-pub(super) const COLUMNS: [(&str, &str, usize, Number); 12] = [
+pub(super) const COLUMNS: [(&str, &str, usize, Number); 13] = [
     ("PSNR of what is seen", "psnr_seen", 2, |f| f.metrics.psnr_seen),
     ("PSNR", "psnr", 2, |f| f.metrics.psnr),
     ("SSIM", "ssim", 4, |f| f.metrics.ssim),
@@ -73,12 +73,13 @@ pub(super) const COLUMNS: [(&str, &str, usize, Number); 12] = [
     ("PSNR, trained on", "psnr_training", 2, |f| f.metrics.psnr_training),
     ("SSIM, trained on", "ssim_training", 4, |f| f.metrics.ssim_training),
     ("splats", "splats", 0, |f| Some(f.metrics.splats as f64)),
+    ("first splats", "first_splats", 0, |f| f.metrics.first_splats.map(|n| n as f64)),
     ("bytes", "bytes", 0, |f| Some(f.metrics.bytes as f64)),
     ("seconds", "seconds", 0, |f| Some(f.seconds)),
 ];
 
 /// Settings that a reader of a table asks for first. What has another name, or is not there, is left out.
-const TOLD: [&str; 15] = [
+const TOLD: [&str; 14] = [
     "preset",
     "iterations",
     "max-side",
@@ -86,13 +87,12 @@ const TOLD: [&str; 15] = [
     "scale-schedule",
     "exposure",
     "start",
+    "housekeeping",
+    "max-splats",
     "init",
     "depth-prior",
     "stereo-splats",
-    "stereo-density",
     "stereo-skirt",
-    "prune-weight",
-    "visible-adam",
     "lambda-perceptual",
 ];
 
@@ -203,20 +203,42 @@ fn geometry_keys(finished: &[Finished]) -> Vec<String> {
     names.into_iter().collect()
 }
 
-/// Which of the settings that matter all rows share, and in which they differ.
+/// Which of the settings that matter all rows share, and what the others are.
 pub(super) fn shared(finished: &[&Finished]) -> String {
     let (mut same, mut different) = (Vec::new(), Vec::new());
     for key in TOLD {
-        let values: BTreeSet<Option<&String>> = finished.iter().map(|f| f.settings.get(key)).collect();
-        match values.first().copied().flatten() {
-            Some(value) if values.len() == 1 => same.push(format!("{key} {value}")),
-            None if values.len() <= 1 => {}
-            _ => different.push(key),
+        let mut values: BTreeMap<Option<&String>, Vec<&str>> = BTreeMap::new();
+        for f in finished {
+            // A limit of splats that the table names is none of the row's settings.
+            let limited = key == "max-splats" && f.run.size != Size::Own;
+            let rows = values.entry(f.settings.get(key).filter(|_| !limited)).or_default();
+            if !rows.contains(&f.run.label.as_str()) {
+                rows.push(&f.run.label);
+            }
+        }
+        match values.first_key_value() {
+            Some((Some(value), _)) if values.len() == 1 => same.push(format!("{key} {value}")),
+            _ if values.len() > 1 => different.push(by_row(key, values)),
+            _ => {}
         }
     }
     let told = |what: &str, list: String| if list.is_empty() { list } else { format!("{what}: {list}. ") };
-    let text = told("All rows share", same.join(", ")) + &told("Rows differ in", different.join(", "));
+    let text = told("All rows share", same.join(", ")) + &told("Rows differ in", different.join("; "));
     text.trim_end().to_owned()
+}
+
+/// The values of a setting with the rows that have them. What most rows have comes last, without their names.
+fn by_row(key: &str, values: BTreeMap<Option<&String>, Vec<&str>>) -> String {
+    let word = |value: Option<&String>| value.map_or_else(|| "none".to_owned(), Clone::clone);
+    let mut values: Vec<_> = values.into_iter().rev().collect();
+    values.sort_by_key(|(_, rows)| rows.len());
+    let most = values.pop().map_or_else(String::new, |(value, _)| word(value));
+    let named = |(value, rows): (Option<&String>, Vec<&str>)| {
+        let rows: Vec<String> = rows.into_iter().map(cell).collect();
+        format!("{} ({})", word(value), rows.join(", "))
+    };
+    let named: Vec<String> = values.into_iter().map(named).collect();
+    format!("{key} {}, else {most}", named.join(", "))
 }
 
 /// A name as text in a cell of a Markdown table: nothing in it is markup, and it stays in its line.
@@ -271,6 +293,7 @@ mod tests {
             scene: scene.into(),
             data: scene.into(),
             label: label.into(),
+            row: label.into(),
             method: label.split("-no-").next().unwrap().into(),
             options: Vec::new(),
             seed,
@@ -387,7 +410,11 @@ mod tests {
         let text = markdown(&all);
         assert!(text.contains("| a | psrgs\u{2020} | 1 |") && text.contains("\n| psrgs\u{2020} | +1.00 |"), "{text}");
         assert!(text.contains("\u{2020} Training lowered") && text.contains("VGG"), "{text}");
-        assert!(text.contains("Rows differ in: lambda-perceptual.") && !text.contains("3dgs\u{2020}"), "{text}");
+        assert!(
+            text.contains("Rows differ in: lambda-perceptual 0.03 (psrgs), else 0.0.")
+                && !text.contains("3dgs\u{2020}"),
+            "{text}"
+        );
     }
 
     /// Three scenes. Without smoothness the depth error is larger by factors e^0.9, e^1 and e^1.1: t is 1 / (0.1 / sqrt

@@ -123,6 +123,9 @@ pub struct Metrics {
     /// Mean SSIM on the same photographs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ssim_training: Option<f64>,
+    /// Gaussians that the training began with; absent where nothing was trained.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first_splats: Option<usize>,
     /// Gaussians of the final model.
     pub splats: usize,
     /// Size of `point_cloud.ply` in bytes.

@@ -6,6 +6,12 @@ use std::time::Duration;
 
 use crate::run::{command, fails, shared, text, works};
 
+/// The whole numbers in a column of a table of runs.
+fn numbers(runs: &str, name: &str) -> Vec<u64> {
+    let column = runs.lines().next().and_then(|head| head.split(',').position(|key| key == name)).expect("a column");
+    runs.lines().skip(1).map(|line| line.split(',').nth(column).expect(name).parse().expect("a number")).collect()
+}
+
 #[test]
 fn methods_are_compared_and_a_stopped_comparison_goes_on() {
     let Some(shared) = shared() else { return };
@@ -23,8 +29,7 @@ fn methods_are_compared_and_a_stopped_comparison_goes_on() {
     let runs = read("runs.csv");
     // 3dgs, and each of the others with all and with half of its splats.
     assert_eq!(runs.lines().count(), 1 + 6, "{runs}");
-    let splats: Vec<u64> =
-        runs.lines().skip(1).map(|line| line.split(',').nth(11).expect("splats").parse().expect("a number")).collect();
+    let splats = numbers(&runs, "splats");
     // A run with a limit of splats follows the run without. Reconstructed splats stay, however low the limit.
     for (k, line) in runs.lines().skip(1).enumerate().filter(|(_, line)| line.split(',').nth(2) == Some("50")) {
         assert!(splats[k] <= splats[k - 1], "{line}");
@@ -61,6 +66,55 @@ fn methods_are_compared_and_a_stopped_comparison_goes_on() {
 }
 
 #[test]
+fn rows_of_one_method_differ_in_what_they_set() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (data, out) = (shared.data(), folder.path().join("compared"));
+    let with = |more: &[&str]| {
+        let rows = "3dgs,3dgs:max-splats=90:exposure=affine:iterations=12";
+        let args = ["compare", text(&data), "--out", text(&out), "--methods", rows, "--seeds", "1"];
+        let all = ["--iterations", "10", "--max-side", "64", "--", "--exposure", "off"];
+        [&args[..], &all, more].concat().into_iter().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let made = |more: &[&str]| works(&with(more).iter().map(String::as_str).collect::<Vec<_>>());
+    made(&[]);
+    let read = |name: &str| fs::read_to_string(out.join(name)).expect(name);
+    let row = "runs/scene-3dgs+max-splats~90+exposure~affine+iterations~12-s0";
+    let settings = read(&format!("{row}/settings.toml"));
+    for line in ["max-splats = 90", "exposure = \"affine\"", "iterations = 12"] {
+        assert!(settings.contains(line), "{line}: {settings}");
+    }
+    assert!(read("runs/scene-3dgs-s0/settings.toml").contains("exposure = \"off\""));
+    let table = read("table.md");
+    let label = "3dgs:max-splats=90:exposure=affine:iterations=12";
+    assert!(
+        table.contains(&format!("| scene | {label} | 1 |")) && table.contains(&format!("\n| {label} | ")),
+        "{table}"
+    );
+    assert!(table.contains("Against 3dgs:") && table.contains("exposure "), "{table}");
+    assert!(table.contains(&format!("({label})")), "{table}");
+    let runs = read("runs.csv");
+    assert!(numbers(&runs, "first_splats").into_iter().all(|n| n > 0), "{runs}");
+
+    // Finished runs stay. A run of which nothing is left is made anew, with other options too.
+    let time =
+        |run: &str| fs::metadata(out.join(run).join("metrics.json")).and_then(|m| m.modified()).expect("metrics");
+    let before = time(row);
+    fs::remove_file(out.join("runs/scene-3dgs-s0/metrics.json")).expect("metrics");
+    fs::remove_dir_all(out.join("runs/scene-3dgs-s0/checkpoints")).expect("checkpoints");
+    made(&[]);
+    assert_eq!(time(row), before, "a finished run was made again");
+    fs::remove_file(out.join(row).join("metrics.json")).expect("metrics");
+    let others = with(&["--lr-means", "0.001"]);
+    let others: Vec<&str> = others.iter().map(String::as_str).collect();
+    fails(&others, 2, &["scene-3dgs-s0", "other options"]);
+    fs::remove_dir_all(out.join("runs/scene-3dgs-s0/checkpoints")).expect("checkpoints");
+    fs::remove_file(out.join("runs/scene-3dgs-s0/metrics.json")).expect("metrics");
+    // The other run has a checkpoint of other options.
+    fails(&others, 2, &["exposure~affine", "other options"]);
+}
+
+#[test]
 fn a_comparison_that_cannot_be_made_says_why() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -69,6 +123,14 @@ fn a_comparison_that_cannot_be_made_says_why() {
     let with = |more: &[&'static str]| [&ends[..], more].concat();
     fails(&with(&["--methods", "lean", "--percent", "50"]), 2, &["--percent", "3dgs"]);
     fails(&with(&["--methods", "gsplat", "--seeds", "1"]), 2, &["--methods", "gsplat", "psrgs-paper"]);
+    let row = "3dgs:start=moon";
+    fails(&with(&["--methods", row]), 2, &["--methods 3dgs:start=moon", "start", "sfm or stereo"]);
+    // Each setting is one that there is, but the two cannot be trained together.
+    let row = "psrgs-paper:gate=off:sigma-learning=composite";
+    fails(&with(&["--methods", row]), 2, &["--methods psrgs-paper:gate=off", "sigma-learning"]);
+    fails(&with(&["--methods", "3dgs,3dgs:max-splats=9", "--percent", "50"]), 2, &["max-splats", "--percent"]);
+    fails(&with(&["--methods", "3dgs:start=stereo", "--percent", "50"]), 2, &["--percent", "3dgs", "first"]);
+    fails(&with(&["--methods", "3dgs,3dgs"]), 2, &["--methods 3dgs", "twice"]);
     fails(&with(&["--seeds", "0"]), 2, &["--seeds"]);
     fails(&with(&["--percent", "0"]), 2, &["--percent"]);
     fails(&with(&["--split", "none"]), 2, &["--split none", "held out"]);

@@ -145,6 +145,7 @@ impl Scored<'_> {
             psnr_high_frequency: None,
             psnr_training: None,
             ssim_training: None,
+            first_splats: None,
             splats: self.model.splats(),
             bytes: self.model.bytes,
             seconds: started.elapsed().as_secs_f64(),
