@@ -16,6 +16,13 @@ pub fn of_count<'a>(n: impl TryInto<u64>, one: &'a str, several: &'a str) -> &'a
     if n.try_into().is_ok_and(|n| n == 1) { one } else { several }
 }
 
+/// A number of steps with what it comes to for each photograph: `4,200 steps: 28 photographs, 150 looks each`.
+pub fn steps_and_looks(steps: u32, photographs: usize) -> String {
+    let each = f64::from(steps) / photographs.max(1) as f64;
+    let looks = if each < 10.0 { fraction(each, 1) } else { grouped(each.round() as u64) };
+    format!("{}: {}, {looks} looks each", counted(steps, "step"), counted(photographs, "photograph"))
+}
+
 /// A number with `digits` decimal places. A number that rounds to zero has no sign.
 pub fn fraction(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
@@ -64,6 +71,14 @@ mod tests {
         assert_eq!([fraction(-0.004, 2), fraction(-0.005_1, 2), fraction(0.0, 0)], ["0.00", "-0.01", "0"]);
         assert_eq!([signed(-0.004, 2), signed(-0.0, 1), signed(0.004, 2)], ["+0.00", "+0.0", "+0.00"]);
         assert_eq!([signed(-0.01, 2), signed(1.0, 1), fraction(f64::NEG_INFINITY, 1)], ["-0.01", "+1.0", "-inf"]);
+    }
+
+    #[test]
+    fn looks_are_those_of_each_photograph() {
+        assert_eq!(steps_and_looks(4200, 28), "4,200 steps: 28 photographs, 150 looks each");
+        assert_eq!(steps_and_looks(2000, 9), "2,000 steps: 9 photographs, 222 looks each");
+        assert_eq!(steps_and_looks(30_000, 1), "30,000 steps: 1 photograph, 30,000 looks each");
+        assert_eq!(steps_and_looks(3, 2), "3 steps: 2 photographs, 1.5 looks each");
     }
 
     #[test]

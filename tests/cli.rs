@@ -208,6 +208,46 @@ fn presets_are_written_out_and_named_options_win_over_them() {
 }
 
 #[test]
+fn steps_are_by_need_unless_they_or_their_schedule_are_named() {
+    let looks =
+        |args: &[&str]| settings(&[&["fox"], args].concat())["run"].get("looks").and_then(toml::Value::as_integer);
+    for method in ["lean", "psrgs", "psrgs-paper"] {
+        assert_eq!(looks(&["--method", method]), Some(150), "{method}");
+        assert_eq!(looks(&["--method", method, "--max-side", "320", "--seed", "4"]), Some(150), "{method}");
+        let named: [&[&str]; 6] = [
+            &["--iterations", "30000"],
+            &["--set", "iterations=900"],
+            &["--preset", "quick"],
+            &["--densify-until", "3000"],
+            &["--scale-schedule=false"],
+            &["--set", "looks=20", "--iterations", "900"],
+        ];
+        for args in named {
+            assert_eq!(looks(&[&["--method", method], args].concat()), None, "{method} {args:?}");
+        }
+    }
+    for method in ["3dgs", "absgs", "gspro"] {
+        assert_eq!(looks(&["--method", method]), None, "{method}");
+        assert_eq!(looks(&["--method", method, "--set", "looks=20"]), Some(20), "{method}");
+    }
+    assert_eq!(looks(&["--set", "looks=20"]), Some(20));
+    fails(&["train", "fox", "--set", "looks=0"], 2, &["looks must be at least 1"]);
+    // Of a file: steps that are written there stay, and what was printed before they were chosen is chosen again.
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let of = |text: &str, args: &[&str]| {
+        let file = write(folder.path(), "my.toml", text);
+        looks(&[&["--config", &file], args].concat())
+    };
+    assert_eq!(of("[run]\nmethod = \"psrgs\"\n", &[]), Some(150));
+    assert_eq!(of("[run]\nmethod = \"psrgs\"\niterations = 4200\nscale-schedule = true\n", &[]), None);
+    assert_eq!(of("[run]\nmethod = \"psrgs\"\npreset = \"quick\"\n", &[]), None);
+    let printed = toml::to_string(&settings(&["fox", "--seed", "3"])).expect("text");
+    assert_eq!(of(&printed, &[]), Some(150));
+    assert_eq!(of(&printed, &["--iterations", "7000"]), None);
+    assert_eq!(of(&printed, &["--preset", "standard"]), None);
+}
+
+#[test]
 fn a_settings_file_is_complete_and_a_preset_option_overrides_it() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let chosen = |text: &str, args: &[&str]| {

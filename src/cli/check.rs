@@ -9,11 +9,11 @@ use psrgs_vk::dataset::{self, Dataset, Decoding, Format, HostShare, PoseFault, R
 use psrgs_vk::numbers::{counted, fraction, grouped, percent};
 use psrgs_vk::scene::Coordinates;
 use psrgs_vk::train::settings::{
-    BlendingVariants, DeviceChoice, HostChoice, LidarCloud, Method, Photographs, Preset, SteppingVariants,
+    BlendingVariants, DeviceChoice, HostChoice, LidarCloud, Method, Photographs, Preset, SteppingVariants, StepsByNeed,
 };
 use psrgs_vk::train::{self, Settings, prepare};
 
-use super::asked::named;
+use super::asked::{as_options, named};
 use super::console::{self, Console};
 use super::exit::Failure;
 use super::presets;
@@ -91,6 +91,9 @@ struct Report {
     preset: Option<Preset>,
     method: Method,
     iterations: u32,
+    /// How the steps were chosen, where that is left to the photographs.
+    #[serde(skip)]
+    steps: Option<StepsByNeed>,
     /// Memory and time of the training, where a device can be opened.
     training: Option<Training>,
     problems: Vec<String>,
@@ -109,7 +112,6 @@ struct CameraGroup {
 pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) -> anyhow::Result<()> {
     let mut settings = args.settings();
     let preset = presets::apply(&mut settings, |key| named(matches, key))?;
-    args.method.apply(&mut settings, |key| named(matches, key));
     if args.method == Method::Rsgs {
         // Either cloud takes about the same memory and time.
         settings.density.lidar = Some(LidarCloud::Mvs);
@@ -130,7 +132,9 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
         Some(error) => Some(error.into()),
         None => decoded.look_at(&mut dataset, &settings),
     };
-    let mut found = found(&dataset, &settings, decoded);
+    let sizes: Vec<_> = dataset.views_of(Role::Train).map(|(_, v)| (v.camera.width, v.camera.height)).collect();
+    let steps = settings.choose_steps(&sizes, presets::kind(&settings)?);
+    let mut found = Report { steps, ..found(&dataset, &settings, decoded) };
     if missing.is_none() {
         match training::plan(&dataset, &settings, &mut found.problems, console) {
             Ok(training) => found.training = training,
@@ -237,6 +241,7 @@ impl Args {
         settings.blending = self.blending.clone();
         settings.stepping = self.stepping.clone();
         settings.run.preset = self.preset;
+        settings.run.method = self.method;
         settings.run.iterations = self.iterations.unwrap_or(settings.run.iterations);
         settings.density.max_splats = self.max_splats;
         settings
@@ -280,6 +285,7 @@ fn found(dataset: &Dataset, settings: &Settings, decoded: Decoded) -> Report {
         preset: settings.run.preset,
         method: settings.run.method,
         iterations: settings.run.iterations,
+        steps: None,
         training: None,
         problems: [dataset.problems(&sights), decoded.problems].concat(),
     }
@@ -328,6 +334,7 @@ fn told(found: &Report, said: usize) -> String {
     if let Some(preset) = found.preset {
         rows.push(("preset", format!("{preset}, {}", counted(found.iterations, "step"))));
     }
+    rows.extend(found.steps.map(|steps| ("steps", as_options(&steps.to_string()).into_owned())));
     rows.extend(found.training.iter().flat_map(Training::rows));
     let mut text: String = rows.iter().map(|(name, value)| format!("{name:<14}{value}\n")).collect();
     match found.problems.get(said..).unwrap_or_default() {

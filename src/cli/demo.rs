@@ -127,7 +127,7 @@ fn settings(args: &Args, seed: u64) -> anyhow::Result<Settings> {
     settings.host = args.host.clone();
     settings.blending = args.blending.clone();
     settings.stepping = args.stepping.clone();
-    args.method.apply(&mut settings, |key| key == "max-splats");
+    args.method.apply(&mut settings, |key| ["max-splats", "iterations"].contains(&key));
     settings.check()?;
     Ok(settings)
 }

@@ -16,6 +16,7 @@ mod values;
 pub use file::SettingsError;
 pub use group::Key;
 pub use growth::{Density, Frequencies};
+pub use preset::StepsByNeed;
 pub use range::Range;
 pub use terms::{Geometry, Texture};
 pub use values::{
@@ -39,7 +40,8 @@ group! {
         /// Train by this method: psrgs is the best; 3dgs, absgs, gspro and rsgs are published ones to compare with
         #[arg(value_name = "METHOD", help_heading = MOST_USED, display_order = 3)]
         pub method: Method = Method::Reference3dgs,
-        /// Take N training steps; a step looks at one photograph. More show finer texture
+        /// Take N training steps; a step looks at one photograph. More show finer texture. Without N and --preset
+        /// lean, psrgs and psrgs-paper take as many as the photographs need: 2000 to 30000, on a CPU 2000
         #[arg(value_name = "N", help_heading = MOST_USED, display_order = 5)]
         pub iterations: u32 = 30_000; Range::COUNT,
         /// Seed every random choice with S; another seed gives another model of the same quality
@@ -58,8 +60,8 @@ group! {
         pub tune: Tune = Tune::Auto,
     }
     flags {
-        /// Shorten the schedule of 30,000 steps to --iterations. On with --preset quick, and with fewer steps of lean,
-        /// psrgs and psrgs-paper where no step of the schedule is named; `=false` turns it off
+        /// Shorten the schedule of 30,000 steps to the steps that are taken. On with --preset quick, and with fewer
+        /// steps of lean, psrgs and psrgs-paper where no step of the schedule is named; `=false` turns it off
         pub scale_schedule,
         /// Give the same bits on the same device, driver and program each time; a little slower on GPUs
         pub deterministic,
@@ -78,7 +80,11 @@ group! {
         /// photograph
         pub bands: u32 = 1; Range::new("a number from 1 to 64", |v| (1.0..=64.0).contains(&v)),
     }
-    unset {}
+    unset {
+        /// Take as many steps as come to N looks at each photograph, but at least 2000, and at most 30000, iterations,
+        /// and 2000 on a CPU; with a scaled schedule. The settings of a run have the steps that were taken, and no looks
+        pub looks: u32; Range::COUNT,
+    }
 }
 
 group! {

@@ -123,6 +123,44 @@ fn settings_repeat_a_run_bit_for_bit() {
     eval(&folder.path().join("none.json"), &["none.json"]);
 }
 
+/// Steps by need are told, written down and scaled to; a run that goes on, or is repeated from its settings, has them.
+#[test]
+fn steps_by_need_are_told_and_kept() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = |name: &str| folder.path().join(name);
+    let config = out("asked.toml");
+    fs::write(&config, "[run]\nlooks = 200\niterations = 40\ndeterministic = true\ncheckpoint-every = 20\n")
+        .expect("written");
+    let (data, begun) = (shared.data(), out("begun"));
+    let begin = |to: &Path, more: &[&str]| {
+        let asked = ["train", text(&data), "--config", text(&config), "--method", "lean", "--out", text(to)];
+        psrgs(&[&asked[..], more].concat())
+    };
+    let whole = begin(&out("whole"), &[]);
+    let line = "40 steps, as many as the settings allow; --iterations 2000 would be 7 photographs, 286 looks each";
+    assert!(stderr(&whole).contains(line), "{}", stderr(&whole));
+    let chosen = |run: &Path| Settings::read(&run.join("settings.toml")).expect("settings").run;
+    let run = chosen(&out("whole"));
+    assert_eq!((run.iterations, run.looks, run.scale_schedule), (40, None, true));
+    let report = fs::read_to_string(out("whole").join("report.html")).expect("a report");
+    assert!(report.contains("40 steps: 7 photographs, 5.7 looks each"), "no line in the report");
+    // Interrupted and gone on.
+    let stopped = begin(&begun, &["--lose-device-at", "25"]);
+    assert!(!stopped.status.success());
+    assert_eq!(chosen(&begun), run);
+    let said = works(&["train", "--resume", text(&begun)]);
+    assert!(said.contains("40 steps") && !said.contains("looks each"), "chosen again: {said}");
+    let read = |run: &Path| fs::read(run.join("point_cloud.ply")).expect("a model");
+    assert!(read(&begun) == read(&out("whole")), "the resumed model differs");
+    // Repeated from its settings.
+    let repeated =
+        ["train", "--config", &out("whole").join("settings.toml").display().to_string(), "--out"].map(str::to_owned);
+    let again = out("again");
+    let said = works(&[&repeated.each_ref().map(String::as_str)[..], &[text(&again)]].concat());
+    assert!(!said.contains("looks each") && read(&again) == read(&out("whole")), "{said}");
+}
+
 /// Starts a training and sends `signal` after a line with `word`; gives exit code and standard error.
 #[cfg(unix)]
 fn stopped(args: &[String], word: &str, signal: &str) -> (Option<i32>, String) {

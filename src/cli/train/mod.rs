@@ -132,10 +132,12 @@ impl Args {
             (None, None) => {
                 let mut settings = asked;
                 preset = presets::apply(&mut settings, given)?;
-                settings.run.method.apply(&mut settings, given);
                 settings
             }
         };
+        if given("iterations") || given("preset") && !given("looks") {
+            settings.run.looks = None;
+        }
         match &self.config {
             Some(file) => settings.check().with_context(|| format!("{}, with the options given", file.display()))?,
             None => settings.check()?,

@@ -19,8 +19,8 @@ pub(super) fn follow(
     interrupt: &Interrupt,
     done: u32,
 ) -> anyhow::Result<f64> {
-    let run = &plan.settings.run;
-    let mut progress = Progress::new(console, done, run.iterations).with_stages(trainer.schedule().low_until);
+    let iterations = trainer.schedule().iterations;
+    let mut progress = Progress::new(console, done, iterations).with_stages(trainer.schedule().low_until);
     let mut seconds = 0.0;
     while let Some(message) = trainer.next_message()? {
         tell(&message, &mut progress);
@@ -33,7 +33,7 @@ pub(super) fn follow(
                 if progress.wants_estimate(step) {
                     progress.estimate(step, now, gpu.memory_use().current, !plan.settings.density.no_densify);
                 }
-                if interrupt.asked() && step < run.iterations {
+                if interrupt.asked() && step < iterations {
                     progress.finish();
                     return Err(stopped(trainer, plan)?.into());
                 }

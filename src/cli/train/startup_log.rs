@@ -50,6 +50,7 @@ pub(super) fn event(event: &SetupEvent<'_>, console: &Console) {
         SetupEvent::ModelLeftOut(left_out) => console.warn(left_out),
         SetupEvent::HostMemory(plan) => console.say(plan),
         SetupEvent::PhotographLeftOut(warning) => console.warn(warning),
+        SetupEvent::StepsChosen(chosen) => console.say(chosen),
         SetupEvent::NoPerceptualWeights => console.warn(
             "the perceptual loss compares by oriented filters, for want of a network's weights: --perceptual-weights \
              names them (`psrgs-vk weights` says where to get them), --lambda-perceptual 0 leaves it out",

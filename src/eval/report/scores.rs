@@ -4,7 +4,7 @@ use super::row;
 use super::text::{bytes, decibels, duration};
 use crate::eval::Metrics;
 use crate::format::markup::escape;
-use crate::numbers::{counted, fraction, grouped, percent, signed};
+use crate::numbers::{counted, fraction, grouped, percent, signed, steps_and_looks};
 
 /// Whether the numbers are of a training, and not of the scoring of a finished model.
 pub(super) fn trained(m: &Metrics) -> bool {
@@ -63,7 +63,7 @@ pub(super) fn numbers(m: &Metrics) -> String {
     let of_training = ["method", "iterations", "training images", "seed", "time per step"];
     [
         ("method", m.method.clone()),
-        ("iterations", grouped(u64::from(m.iterations))),
+        ("iterations", steps_and_looks(m.iterations, m.train_images)),
         ("scene", m.scene.clone()),
         ("training images", m.train_images.to_string()),
         ("held-out images", m.test_images.to_string()),

@@ -13,6 +13,7 @@ use crate::format::LeftOut;
 use crate::perceptual::LpipsWeights;
 use crate::scene::Gaussians;
 use crate::train::memory::{HostMemory, HostPlan};
+use crate::train::settings::StepsByNeed;
 use crate::train::tune::{self, Tuned};
 use crate::train::{Error, Input, MemoryPlan, Pacing, Restart, Settings, chosen_variants};
 use crate::vk::Gpu;
@@ -26,6 +27,8 @@ pub enum SetupEvent<'a> {
     HostMemory(&'a HostPlan),
     /// A photograph does not take part.
     PhotographLeftOut(&'a Warning),
+    /// The number of steps was left to the photographs, and is this.
+    StepsChosen(&'a StepsByNeed),
     /// The perceptual loss has no weights of a network, and compares by oriented filters.
     NoPerceptualWeights,
     /// Stereo begins.
@@ -90,6 +93,7 @@ impl Setup {
     pub fn prepare(gpu: &Gpu, request: SetupRequest<'_>, tell: &mut dyn FnMut(SetupEvent<'_>)) -> Result<Self, Error> {
         let (dataset, weights, cache) = (request.dataset, request.weights.clone(), request.cache);
         let mut setup = Self::with_photographs(gpu, request, tell)?;
+        setup.choose_steps(gpu, tell);
         setup.take_weights(weights, tell);
         setup.look_for_depths(gpu, dataset, tell)?;
         match &setup.restart {
@@ -139,6 +143,17 @@ impl Setup {
         }
         let (settings, depths) = (settings.clone(), StereoReport::default());
         Ok(Self { settings, input, restart, host, depths, stereo_seconds: 0.0 })
+    }
+
+    /// Chooses the number of steps if the settings leave it to the photographs. A resumed run has chosen already.
+    fn choose_steps(&mut self, gpu: &Gpu, tell: &mut dyn FnMut(SetupEvent<'_>)) {
+        if self.restart.is_some() {
+            return;
+        }
+        let sizes: Vec<(u32, u32)> = self.input.train.iter().map(|v| (v.camera.width, v.camera.height)).collect();
+        if let Some(chosen) = self.settings.choose_steps(&sizes, gpu.caps().kind) {
+            tell(SetupEvent::StepsChosen(&chosen));
+        }
     }
 
     /// Takes over the weights of the perceptual loss.

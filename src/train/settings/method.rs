@@ -4,6 +4,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use super::preset::LOOKS;
 use super::{DepthPrior, Exposure, Gate, Growth, Housekeeping, Run, Settings, SigmaLearning, Spacing, Start};
 
 /// A training method.
@@ -127,12 +128,18 @@ fn rsgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 
 /// A shorter training is a whole one in fewer steps: a model in the middle of the published schedule has not been
 /// pruned. The published methods keep the published steps, as a model of 7,000 steps is known to be one in the middle.
-/// A user who names a step of the schedule has it there.
-fn scale_schedule(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
-    if !["scale-schedule"].into_iter().chain(STEPS_OF_THE_SCHEDULE).any(named)
-        && settings.run.iterations < Run::default().iterations
-    {
+/// A user who names a step of the schedule has it there, in the published number of steps; who names nothing of it has
+/// as many steps as the photographs need.
+fn steps(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
+    if STEPS_OF_THE_SCHEDULE.into_iter().any(named) {
+        return;
+    }
+    if !named("scale-schedule") && settings.run.iterations < Run::default().iterations {
         settings.run.scale_schedule = true;
+    }
+    let unscaled = named("scale-schedule") && !settings.run.scale_schedule;
+    if !unscaled && !["iterations", "preset", "looks"].into_iter().any(named) {
+        settings.run.looks = Some(LOOKS);
     }
 }
 
@@ -155,7 +162,7 @@ fn housekeeping(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 }
 
 fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
-    scale_schedule(settings, named);
+    steps(settings, named);
     unless_named!(named, settings:
         "housekeeping" density.housekeeping = Housekeeping::Lean,
         "growth" density.growth = Growth::Sampled,
@@ -169,7 +176,7 @@ fn lean(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 /// The parts of the paper that `psrgs` and `psrgs-paper` share. Thresholds are staged as in the caption of the paper's
 /// second figure: high where frequencies are low.
 fn parts_of_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
-    scale_schedule(settings, named);
+    steps(settings, named);
     unless_named!(named, settings:
         "growth" density.growth = Growth::Sampled,
         "absgrad" density.absgrad = true,

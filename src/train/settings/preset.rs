@@ -1,9 +1,10 @@
-//! Presets: resolution, steps and schedule.
+//! Presets: resolution, steps and schedule; and steps by need.
 
 use std::fmt;
 use std::str::FromStr;
 
-use super::Settings;
+use super::{Run, Settings};
+use crate::numbers::{counted, steps_and_looks};
 use crate::vk::DeviceKind;
 
 /// Resolution, steps and schedule under one name.
@@ -19,6 +20,67 @@ pub enum Preset {
 
 /// Longer than the side of any photograph.
 const FULL_SIDE: u32 = 1 << 16;
+/// Steps of [`Preset::Quick`], and the most that are chosen by need on a CPU.
+const QUICK_STEPS: u32 = 2000;
+
+/// Looks at each photograph that a model needs ...
+pub(super) const LOOKS: u32 = 150;
+/// ... of 320 x 240 pixels. Larger photographs need more by this power of their pixels.
+const LOOKS_BY_PIXELS: f64 = 0.0;
+/// Fewest and most steps by need.
+const BY_NEED: (u32, u32) = (2000, 30_000);
+
+/// The steps that come to `looks` at each photograph, for photographs of these widths and heights.
+fn needed(looks: u32, photographs: &[(u32, u32)]) -> u32 {
+    let pixels: f64 = photographs.iter().map(|&(width, height)| f64::from(width) * f64::from(height)).sum();
+    let number = photographs.len() as f64;
+    let factor = (pixels / number.max(1.0) / (320.0 * 240.0)).powf(LOOKS_BY_PIXELS);
+    let steps = (f64::from(looks) * factor * number).round().min(f64::from(u32::MAX)) as u32;
+    steps.clamp(BY_NEED.0, BY_NEED.1)
+}
+
+/// A number of steps that was chosen by what there is to look at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StepsByNeed {
+    /// The steps that were chosen.
+    pub steps: u32,
+    /// The steps without the limits of the settings and of the device.
+    pub needed: u32,
+    /// Photographs to train on.
+    pub photographs: usize,
+    /// Whether fewer were chosen than are needed because the device is a CPU.
+    pub spares_cpu: bool,
+}
+
+impl fmt::Display for StepsByNeed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { steps, needed, photographs, spares_cpu } = *self;
+        if steps >= needed {
+            return f.write_str(&steps_and_looks(steps, photographs));
+        }
+        let why = if spares_cpu { "quick takes on a CPU" } else { "the settings allow" };
+        let each = steps_and_looks(needed, photographs);
+        let each = each.split_once(": ").map_or("", |(_, each)| each);
+        write!(f, "{}, as many as {why}; `iterations` {needed} would be {each}", counted(steps, "step"))
+    }
+}
+
+impl Settings {
+    /// Chooses the number of steps where `looks` leaves that to the photographs: sets `iterations`, scales the schedule
+    /// and unsets `looks`, so that the settings name the steps from then on. [`crate::train::prepare::Setup`] calls
+    /// this; call it yourself where the training is prepared in another way. `photographs` are widths and heights of
+    /// those to train on.
+    pub fn choose_steps(&mut self, photographs: &[(u32, u32)], device: DeviceKind) -> Option<StepsByNeed> {
+        let looks = self.run.looks.take()?;
+        let needed = needed(looks.saturating_mul(self.run.bands), photographs);
+        let allowed = self.run.iterations;
+        let spares_cpu = device == DeviceKind::Cpu && QUICK_STEPS <= allowed && QUICK_STEPS < needed;
+        let steps = needed.min(if spares_cpu { QUICK_STEPS } else { allowed });
+        self.run.iterations = steps;
+        self.run.scale_schedule |= steps < Run::default().iterations;
+        Some(StepsByNeed { steps, needed, photographs: photographs.len(), spares_cpu })
+    }
+}
 
 impl Preset {
     /// The preset of a device where the user names none.
@@ -30,7 +92,7 @@ impl Preset {
     /// user names the number of steps.
     pub fn apply(self, settings: &mut Settings, automatic: bool, named: impl Fn(&str) -> bool) {
         let (side, steps, scaled) = match self {
-            Self::Quick => (640, 2000, true),
+            Self::Quick => (640, QUICK_STEPS, true),
             Self::Standard => (1600, 30_000, false),
             Self::Full => (FULL_SIDE, 30_000, false),
         };
@@ -107,6 +169,53 @@ mod tests {
                 ..Settings::default()
             }
         );
+    }
+
+    fn steps(looks: u32, photographs: usize, iterations: u32, device: DeviceKind) -> (u32, String) {
+        let mut settings = Settings::default();
+        (settings.run.looks, settings.run.iterations) = (Some(looks), iterations);
+        let chosen = settings.choose_steps(&vec![(320, 240); photographs], device).unwrap();
+        assert_eq!((settings.run.iterations, settings.run.looks), (chosen.steps, None));
+        assert_eq!(settings.run.scale_schedule, chosen.steps < 30_000);
+        // What was chosen stays, also with more photographs.
+        let before = settings.clone();
+        assert_eq!(settings.choose_steps(&[(320, 240); 500], device), None);
+        assert_eq!(settings, before);
+        (chosen.steps, chosen.to_string())
+    }
+
+    #[test]
+    fn steps_come_to_so_many_looks_within_limits() {
+        let of = |photographs| steps(150, photographs, 30_000, DeviceKind::Discrete);
+        assert_eq!(of(28), (4200, "4,200 steps: 28 photographs, 150 looks each".into()));
+        assert_eq!(of(1), (2000, "2,000 steps: 1 photograph, 2,000 looks each".into()));
+        assert_eq!(of(13), (2000, "2,000 steps: 13 photographs, 154 looks each".into()));
+        assert_eq!(of(14), (2100, "2,100 steps: 14 photographs, 150 looks each".into()));
+        assert_eq!(of(200), (30_000, "30,000 steps: 200 photographs, 150 looks each".into()));
+        assert_eq!(of(1000), (30_000, "30,000 steps: 1,000 photographs, 30 looks each".into()));
+        assert_eq!(steps(40, 100, 30_000, DeviceKind::Integrated).0, 4000);
+        assert_eq!(steps(u32::MAX, 9, 30_000, DeviceKind::Other).0, 30_000);
+    }
+
+    #[test]
+    fn steps_by_need_are_limited_and_say_by_what() {
+        let on_cpu = |photographs, iterations| steps(150, photographs, iterations, DeviceKind::Cpu);
+        let spared =
+            "2,000 steps, as many as quick takes on a CPU; `iterations` 4200 would be 28 photographs, 150 looks each";
+        assert_eq!(on_cpu(28, 30_000), (2000, spared.into()));
+        assert_eq!(on_cpu(28, 2000), (2000, spared.into()), "the preset of a CPU limits too");
+        assert_eq!(on_cpu(9, 30_000), (2000, "2,000 steps: 9 photographs, 222 looks each".into()));
+        let allowed =
+            "500 steps, as many as the settings allow; `iterations` 4200 would be 28 photographs, 150 looks each";
+        assert_eq!(on_cpu(28, 500), (500, allowed.into()));
+        assert_eq!(steps(150, 28, 500, DeviceKind::Discrete), (500, allowed.into()));
+    }
+
+    #[test]
+    fn a_look_at_bands_takes_several_steps() {
+        let mut settings = Settings::default();
+        (settings.run.looks, settings.run.bands) = (Some(100), 3);
+        assert_eq!(settings.choose_steps(&[(64, 48); 10], DeviceKind::Other).unwrap().steps, 3000);
     }
 
     #[test]
