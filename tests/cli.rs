@@ -160,6 +160,8 @@ fn start_and_housekeeping_are_options_of_every_method() {
         assert_eq!(chosen(&["--method", method, "--start", "sfm"]).0, "sfm", "{method}");
         assert_eq!(chosen(&["--method", method, "--housekeeping", "published"]).2, 3000, "{method}");
     }
+    let mcmc = ["--method", "mcmc", "--start", "stereo", "--housekeeping", "lean"];
+    assert_eq!(chosen(&mcmc), is("stereo", 0, 0), "without resets as published");
     let named = ["--housekeeping", "lean", "--opacity-reset-interval", "500", "--set", "stereo-splats=60000"];
     assert_eq!(chosen(&named), is("stereo", 60_000, 500), "named settings win");
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -192,11 +194,10 @@ fn presets_are_written_out_and_named_options_win_over_them() {
     let quick = kind == Some(psrgs_vk::vk::DeviceKind::Cpu);
     assert_eq!(chosen(&[]), if quick { (640, 2000, true) } else { (1600, 30_000, false) });
     let side = if quick { 640 } else { 1600 };
-    assert_eq!(
-        chosen(&["--method", "3dgs", "--iterations", "7000"]),
-        (side, 7000, false),
-        "3dgs does not scale its schedule"
-    );
+    for method in ["3dgs", "mcmc"] {
+        let got = chosen(&["--method", method, "--iterations", "7000"]);
+        assert_eq!(got, (side, 7000, false), "{method} does not scale its schedule");
+    }
     // A scaled schedule still has steps for growth, pruning and the skirt.
     for method in ["lean", "psrgs", "psrgs-paper"] {
         assert_eq!(chosen(&["--method", method, "--iterations", "7000"]), (side, 7000, true), "{method}");

@@ -1,7 +1,7 @@
 //! The schedule of the reference method, its quirks, scaled schedules, and the order of views.
 
 use psrgs_vk::train::schedule::{Adam, DroppedSplats, Schedule};
-use psrgs_vk::train::settings::{Background, Method, Settings};
+use psrgs_vk::train::settings::{Background, Growth, Method, Settings};
 
 fn schedule(change: impl FnOnce(&mut Settings)) -> Schedule {
     let mut settings = Settings::default();
@@ -470,4 +470,29 @@ fn looks_at_all_photographs_take_a_step_for_each_band() {
         (1..=30_000).filter_map(|t| schedule.step(t).densify).skip(1).all(|change| change.sees_all)
     };
     assert!(seen(1) && seen(2), "growth waits for the whole pass");
+}
+
+#[test]
+fn relocations_are_as_published_and_stand_for_more_in_fewer_steps() {
+    let mcmc = |iterations: u32| {
+        let mut s = Settings::of_method(Method::Mcmc);
+        (s.run.iterations, s.run.scale_schedule) = (iterations, iterations < 30_000);
+        Schedule::new(&s, 20)
+    };
+    let published = mcmc(30_000);
+    let due = steps(&published, |t| published.relocates(t).is_some());
+    assert_eq!((due[0], due[1], due[due.len() - 1], due.len()), (601, 701, 24_901, 244));
+    assert!((published.relocates(601).expect("growth") - 0.05).abs() < 1e-12);
+    let other = |t: u32| {
+        let plan = published.step(t);
+        plan.densify.is_some() || plan.reset_opacity || plan.accumulate || plan.adam != Adam::All
+    };
+    assert_eq!(steps(&published, other), [30_000], "the last step has no optimiser step");
+    // Of a hundredth of the steps: growth as in the published steps of the same share.
+    let short = mcmc(300);
+    let due = steps(&short, |t| short.relocates(t).is_some());
+    let growth = due.iter().map(|&t| (1.0 + short.relocates(t).expect("growth")).ln()).sum::<f64>();
+    assert!((growth / (244.0 * 1.05_f64.ln()) - 1.0).abs() < 0.1, "{growth} in {due:?}");
+    let still = schedule(|s| (s.density.growth, s.density.no_densify) = (Growth::Relocated, true));
+    assert!(steps(&still, |t| still.relocates(t).is_some()).is_empty());
 }

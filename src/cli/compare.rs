@@ -52,7 +52,7 @@ pub(crate) struct Args {
         long,
         value_name = "M[:KEY=VALUE],...",
         value_delimiter = ',',
-        default_value = "3dgs,absgs,gspro,rsgs,lean,psrgs-paper,psrgs"
+        default_value = "3dgs,absgs,gspro,rsgs,mcmc,lean,psrgs-paper,psrgs"
     )]
     methods: Vec<String>,
     /// In place of methods: one of them, whole and with each of its parts left out or replaced

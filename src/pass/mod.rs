@@ -34,6 +34,7 @@ pub mod finish;
 pub mod geometry;
 pub mod gradient_map;
 pub mod loss;
+pub mod noise;
 pub mod opacity_reset;
 pub mod part_sum;
 pub mod photograph_reduce;
@@ -142,6 +143,7 @@ pub const ALL: &[&Pass] = &[
     &loss::STRIPS_SUBGROUP_APART,
     &loss::STRIPS_SUBGROUP_THREE,
     &loss::SUM,
+    &noise::PASS,
     &opacity_reset::PASS,
     &photograph_reduce::PASS,
     &part_sum::PASS,

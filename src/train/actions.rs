@@ -6,6 +6,7 @@ mod given;
 mod propagate;
 mod propagation;
 mod prune;
+mod relocate;
 mod sparse_sh;
 mod split_wide;
 
@@ -20,6 +21,8 @@ use crate::vk::Gpu;
 use given::{AddSkirt, KeepToCloud};
 use propagate::Propagate;
 use prune::Prune;
+use relocate::Relocate;
+pub(super) use relocate::Relocation;
 use sparse_sh::SettleHarmonics;
 use split_wide::SplitWide;
 
@@ -76,11 +79,12 @@ impl Actions {
     /// The actions of a training that goes on after `step`.
     pub(super) fn new(gpu: &Gpu, input: &Input, settings: &Settings, step: u32) -> Result<Self, Error> {
         let optional = &input.optional;
-        let actions: [Box<dyn HostAction>; 6] = [
+        let actions: [Box<dyn HostAction>; 7] = [
             Box::new(KeepToCloud::new(optional.gate.clone())),
             Box::new(Propagate::new(gpu, input, &settings.geometry)?),
             Box::new(Prune),
             Box::new(SplitWide::new(input, settings)),
+            Box::new(Relocate::new(settings)),
             Box::new(SettleHarmonics),
             Box::new(AddSkirt::new(optional.skirt.clone())),
         ];

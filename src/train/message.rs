@@ -70,6 +70,17 @@ pub enum Message {
         /// Splats after the change.
         splats: u32,
     },
+    /// Dead splats were put in the places of live ones, and splats were added, before a step.
+    Relocated {
+        /// Step.
+        step: u32,
+        /// Splats that were dead.
+        relocated: u32,
+        /// Splats that were added.
+        added: u32,
+        /// Splats after the change.
+        splats: u32,
+    },
     /// Splats of little weight, or too large for their surroundings, were dropped before a step.
     Pruned {
         /// Step.

@@ -12,7 +12,7 @@ mod plan;
 mod propagations;
 mod rates;
 
-use super::settings::{Background, Settings, SigmaLearning};
+use super::settings::{self, Background, Density, Settings, SigmaLearning};
 use crate::scene::random::hash;
 use propagations::Propagations;
 use rates::{RateSchedule, log_linear};
@@ -97,6 +97,8 @@ pub struct Schedule {
     /// Before this step the splats with harmonics above degree 1 are chosen; 0 where all splats have them.
     settle_sh: u32,
     densify: bool,
+    /// Share by which the set grows where dead splats are relocated in place of density changes.
+    relocation: Option<f64>,
     background: Background,
     rates: RateSchedule,
     /// Learning rate of the exposures at step 0 and at the last step.
@@ -190,6 +192,7 @@ impl Schedule {
                 (true, true) => 2 * scaled(settings.model.sh_interval).max(1),
             },
             densify: !settings.density.no_densify,
+            relocation: (density.growth == settings::Growth::Relocated).then(|| growth.share(density, s)),
             background: settings.model.background,
             rates: RateSchedule::new(settings, lr_means_steps),
             lr_exposure: [optimiser.lr_exposure, optimiser.lr_exposure_final],
@@ -233,6 +236,11 @@ impl Schedule {
         self.split_wide_before > 0 && t == self.split_wide_before
     }
 
+    /// Whether dead splats are relocated before step `t`, and the share by which the set grows then.
+    pub fn relocates(&self, t: u32) -> Option<f64> {
+        self.relocation.filter(|_| self.changes_at(t.saturating_sub(1)))
+    }
+
     /// Whether the splats with harmonics above degree 1 are chosen before step `t`.
     pub fn settles_sh(&self, t: u32) -> bool {
         self.settle_sh > 0 && t == self.settle_sh && self.sh_degree > 1
@@ -264,7 +272,7 @@ impl Schedule {
             rates: self.rates.at(t),
             sh_degree: self.sh_degree_at(t),
             background: self.background_at(t),
-            accumulate: self.densify && t < self.densify_until,
+            accumulate: self.densify && self.relocation.is_none() && t < self.densify_until,
             densify: densify.then(|| DensityChange {
                 prune_large: t > self.prune_large_after,
                 sees_all: self.steps_since_change(t) >= pass_of(self.views, self.bands),
@@ -374,7 +382,7 @@ impl Schedule {
 
     /// Density changes up to and including step `t`.
     pub fn density_changes(&self, t: u32) -> u32 {
-        if !self.densify {
+        if !self.densify || self.relocation.is_some() {
             return 0;
         }
         let last = t.min(self.densify_until.min(self.iterations).saturating_sub(1));
@@ -384,6 +392,11 @@ impl Schedule {
     /// Neither a density change nor a reset follows the last step, because no training would follow. The reference also
     /// saves its model before both.
     fn densifies_at(&self, t: u32) -> bool {
+        self.relocation.is_none() && self.changes_at(t)
+    }
+
+    /// Whether the set of splats grows after step `t`, by a density change or by relocation.
+    fn changes_at(&self, t: u32) -> bool {
         let grows = self.densify && t > self.densify_from && t < self.densify_until.min(self.iterations);
         grows && t.is_multiple_of(self.densify_interval)
     }
@@ -476,6 +489,13 @@ impl Growth {
         }
         Self { until, interval: interval.max(1), reset_interval, reset_until }
     }
+
+    /// The share by which a relocation grows the set: that of as many published relocations as would happen in the same
+    /// share of the run.
+    fn share(&self, density: &Density, scale: f64) -> f64 {
+        let published = f64::from(density.densify_interval.max(1)) * scale;
+        (1.0 + density.relocate_growth).powf(f64::from(self.interval) / published) - 1.0
+    }
 }
 
 /// The alpha below which splats are skipped in early steps. In a run that is made longer, early steps may come again;
@@ -513,6 +533,10 @@ pub(super) enum Stream {
     Background = 2,
     /// Positions in a photograph.
     Places = 3,
+    /// Places of dead splats.
+    Relocations = 4,
+    /// Places of splats that are added.
+    Growth = 5,
 }
 
 /// The random number of (stream, major, minor): the 64-bit finaliser of SplitMix (Steele, Lea, Flood 2014) over each

@@ -30,6 +30,7 @@ pub mod fill;
 pub mod geometry;
 pub mod gradient_map;
 pub mod loss;
+pub mod noise;
 pub mod opacity_reset;
 pub mod photograph_reduce;
 pub mod place;

@@ -4,9 +4,9 @@ use super::{
     TwinCall, adam, blend_backward, blend_forward, compact, constrain, convolution, crop, densify_axes,
     densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means, densify_order,
     densify_sample, densify_scores, densify_stats, densify_views, depth_probe, emit, exposure, feature_distance, fill,
-    geometry, gradient_map, loss, opacity_reset, photograph_reduce, plan, pool, probe, project, project_backward,
-    project_backward_adam, project_backward_adam_packed, radix, saliency_plane, scan, slot_sum, stereo, subgroup_probe,
-    tile_ranges,
+    geometry, gradient_map, loss, noise, opacity_reset, photograph_reduce, plan, pool, probe, project,
+    project_backward, project_backward_adam, project_backward_adam_packed, radix, saliency_plane, scan, slot_sum,
+    stereo, subgroup_probe, tile_ranges,
 };
 use crate::pass::{self, Pass};
 
@@ -14,7 +14,7 @@ use crate::pass::{self, Pass};
 pub type TwinFn = fn(&mut TwinCall<'_>);
 
 /// Every pass with its twin, in the order of [`pass::ALL`].
-pub const TABLE: [(&Pass, TwinFn); 104] = [
+pub const TABLE: [(&Pass, TwinFn); 105] = [
     (&pass::adam::PASS, adam::run),
     (&pass::blend_backward::COLUMN_ATOMIC, blend_backward::run_column_sums),
     (&pass::blend_backward::COLUMN_CAS, blend_backward::run_column_sums),
@@ -74,6 +74,7 @@ pub const TABLE: [(&Pass, TwinFn); 104] = [
     (&pass::loss::STRIPS_SUBGROUP_APART, loss::run_strips_apart),
     (&pass::loss::STRIPS_SUBGROUP_THREE, loss::run_strips),
     (&pass::loss::SUM, loss::run_sum),
+    (&pass::noise::PASS, noise::run),
     (&pass::opacity_reset::PASS, opacity_reset::run),
     (&pass::photograph_reduce::PASS, photograph_reduce::run),
     (&pass::part_sum::PASS, slot_sum::run_part_sum),

@@ -14,6 +14,7 @@ mod methods;
 mod photographs;
 mod propagation;
 mod pruning;
+mod relocation;
 mod visible_adam;
 
 use std::collections::BTreeMap;

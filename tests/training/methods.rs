@@ -320,6 +320,7 @@ fn black_splats_learn_colours_except_in_published_methods() {
     for (method, learns) in [
         (Method::Reference3dgs, false),
         (Method::AbsGs, false),
+        (Method::Mcmc, false),
         (Method::Lean, true),
         (Method::PsrgsPaper, true),
         (Method::Psrgs, true),

@@ -15,8 +15,6 @@ mod blend_backward;
 mod blend_forward;
 mod blend_scene;
 mod blend_twin;
-mod compact;
-mod constrain;
 mod convolution;
 mod crop;
 mod densify_order;
@@ -31,10 +29,10 @@ mod depth_probe;
 mod emit;
 mod exposure;
 mod feature_distance;
-mod fill;
 mod geometry;
 mod gradient_map;
 mod loss;
+mod noise;
 mod photograph_reduce;
 mod plain_rows;
 mod plan;
@@ -46,15 +44,13 @@ mod project_backward_adam;
 mod project_backward_adam_packed;
 mod projection_scene;
 mod radix;
-mod saliency_plane;
 mod scan;
-mod slot_sum;
+mod small;
 mod ssim_table;
 mod stereo;
-mod subgroup_probe;
-mod tile_ranges;
 
 use psrgs_vk::pass;
+use small::{compact, constrain, fill, saliency_plane, slot_sum, subgroup_probe, tile_ranges};
 
 macro_rules! cases {
     ($($module:ident: $($kernel:literal)+;)+) => {
@@ -94,6 +90,7 @@ cases! {
     gradient_map: "gradient_map_grad" "gradient_map_sobel" "gradient_map_windows";
     loss: "loss_grad_emulated" "loss_grad_subgroup" "loss_strips_emulated" "loss_strips_subgroup"
         "loss_strips_subgroup_apart" "loss_strips_subgroup_three" "loss_sum";
+    noise: "noise";
     photograph_reduce: "photograph_reduce";
     plan: "plan" "finish";
     pool: "pool" "pool_backward";
@@ -167,6 +164,7 @@ fn addresses_of_more_passes_lie_in_their_buffers() {
         feature_distance::run,
         geometry::run,
         gradient_map::run,
+        noise::run,
         photograph_reduce::run,
         plan::run,
         probe::run,

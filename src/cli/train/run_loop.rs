@@ -88,6 +88,12 @@ fn tell(message: &Message, progress: &mut Progress) {
             counted(*split, "splat"),
             counted(*splats, "splat")
         )),
+        Message::Relocated { step, relocated, added, splats } => progress.detail(format_args!(
+            "step {step}: relocated {}, grew by {}: {}",
+            grouped(*relocated),
+            grouped(*added),
+            counted(*splats, "splat")
+        )),
         Message::Pruned { step, dropped, splats } => progress.detail(format_args!(
             "step {step}: {} dropped for weight or size: {}",
             counted(*dropped, "splat"),

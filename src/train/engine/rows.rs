@@ -2,9 +2,10 @@
 
 use super::Engine;
 use crate::pass::counters;
-use crate::raster::{OPACITIES, PLANES, Planes, SH_HIGHER, most_splats, planes_of};
+use crate::raster::{OPACITIES, PLANES, Planes, SCALES, SH_HIGHER, most_splats, planes_of};
 use crate::scene::{Gaussians, rows_of};
 use crate::train::Error;
+use crate::train::actions::Relocation;
 use crate::train::density::DensityRules;
 use crate::vk::Memory;
 
@@ -209,6 +210,41 @@ impl Engine {
                 change(moments, k, None)?;
             }
         }
+        Ok(())
+    }
+
+    /// Replaces the set of splats by that after a relocation, for which there is room. Moments of splats that share a
+    /// place become zero, and splats in the places of others get new identities. Clears the statistics.
+    pub(in crate::train) fn relocate(&mut self, to: &Relocation) -> Result<(), Error> {
+        let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        let before = words[counters::SPLATS] as usize;
+        for (k, (_, width)) in PLANES.into_iter().enumerate() {
+            let width = width as usize;
+            self.move_rows(&self.model, k, before, width, |old| rows_of(old, width, &to.rows))?;
+            for planes in [self.optimiser.first()].into_iter().chain(self.optimiser.second()) {
+                self.move_rows(planes, k, before, width, |old| {
+                    let mut moments = rows_of(old, width, &to.rows);
+                    let rows = moments.chunks_exact_mut(width).zip(&to.shares);
+                    rows.filter(|(_, shares)| **shares).for_each(|(row, _)| row.fill(0.0));
+                    moments
+                })?;
+            }
+        }
+        self.gpu.write(&self.model.buffers()[SCALES], &to.scales)?;
+        self.gpu.write(&self.model.buffers()[OPACITIES], &to.opacities)?;
+        let old: Vec<u32> = self.gpu.read_at(&self.ids, 0, before)?;
+        let mut ids = rows_of(&old, 1, &to.rows);
+        for (_, id) in (0_u32..).zip(&mut ids).zip(&to.rows).filter(|((row, _), from)| row != *from).map(|(new, _)| new)
+        {
+            *id = words[counters::NEXT_ID];
+            words[counters::NEXT_ID] = words[counters::NEXT_ID].saturating_add(1);
+        }
+        self.gpu.write(&self.ids, &ids)?;
+        words[counters::SPLATS] = to.rows.len() as u32;
+        let mut recorder = self.gpu.recorder("relocate")?;
+        self.statistics.clear(&mut recorder)?;
+        recorder.upload(&self.renderer.counters, 0, bytemuck::cast_slice(&words))?;
+        self.gpu.wait(recorder.submit()?)?;
         Ok(())
     }
 

@@ -36,7 +36,10 @@ impl Engine {
         }
         terms.record(Phase::AfterBlendBackward, recorder, &mut step)?;
 
-        Ok(self.optimiser.record(recorder, &step.stepping(self.statistics.stats(), beside))?)
+        let stepping = step.stepping(self.statistics.stats(), beside);
+        let caught_up = self.optimiser.record(recorder, &stepping)?;
+        self.optimiser.record_noise(recorder, &stepping, &self.ids)?;
+        Ok(caught_up)
     }
 
     /// Records bringing a photograph to the device, and returns the context for comparing a render with it; `seen` is

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::pass::project_backward::Penalties;
-use crate::pass::{adam, project_backward_adam as fused, project_backward_adam_packed as packed};
+use crate::pass::{adam, noise, project_backward_adam as fused, project_backward_adam_packed as packed};
 use crate::raster::{BackwardStep, GradientTerms, OPACITIES, PLANES, Planes, RenderView, Renderer, SH0};
 use crate::train::Error;
 use crate::train::schedule::{Adam, StepPlan};
@@ -23,6 +23,24 @@ enum StepPasses {
     },
     /// A pass over gradients in memory, for devices that bind fewer buffers to a pass.
     FromGradients(Summed),
+}
+
+/// Noise on the means after a step.
+struct Noise {
+    pipeline: Pipeline,
+    factor: f64,
+    seed: u32,
+}
+
+impl Noise {
+    fn new(gpu: &Gpu, training: &Settings) -> Result<Self, vk::Error> {
+        let seed = training.run.seed;
+        Ok(Self {
+            pipeline: gpu.pipeline(&noise::PASS.kernel, &[])?,
+            factor: training.density.noise_means,
+            seed: seed as u32 ^ (seed >> 32) as u32,
+        })
+    }
 }
 
 /// Gradients of the model in memory, and the pass that steps by them.
@@ -57,6 +75,7 @@ pub(in crate::train) struct Optimiser {
     settings: adam::AdamSettings,
     extent: f64,
     penalties: Penalties,
+    noise: Option<Noise>,
     /// Highest degree of the spherical harmonics that may have moments other than zero. Steps touch no higher degree.
     degree: AtomicU32,
 }
@@ -110,8 +129,9 @@ impl Optimiser {
         if !packs {
             moments.push(Planes::limited(gpu, "v_", capacity, training.model.sh_share)?);
         }
+        let noise = (training.density.noise_means > 0.0).then(|| Noise::new(gpu, training)).transpose()?;
         let summed = several.then(|| Summed::new(gpu, capacity)).transpose()?;
-        Ok(Self { moments, passes, summed, settings, extent, penalties, degree: AtomicU32::new(0) })
+        Ok(Self { moments, passes, summed, settings, extent, penalties, noise, degree: AtomicU32::new(0) })
     }
 
     /// Whether splats that are not on the image take no step: if the settings say so and the device binds the buffers
@@ -255,6 +275,21 @@ impl Optimiser {
     /// Gradient terms of the `first` or a later view beside the step's own.
     pub(in crate::train) fn terms_beside(&self, plan: &StepPlan, first: bool) -> GradientTerms {
         GradientTerms { aux: false, penalties: self.penalties(plan.decides).beside(), add: !first }
+    }
+
+    /// Records the noise on the means, after a step in which parameters change. Does nothing without noise.
+    pub(in crate::train) fn record_noise(
+        &self,
+        recorder: &mut Recorder,
+        of: &Stepping<'_>,
+        ids: &Buffer,
+    ) -> Result<(), vk::Error> {
+        let Some(noise) = self.noise.as_ref().filter(|_| of.plan.adam != Adam::None) else { return Ok(()) };
+        let rate = (noise.factor * self.rates(of.plan).means) as f32;
+        let push = noise::Push { rate, seed: noise.seed, step: of.plan.step };
+        let [means, quats, scales, opacities, ..] = of.model.buffers();
+        let buffers = [&of.renderer.counters, means, quats, scales, opacities, ids];
+        recorder.dispatch(&noise.pipeline, &buffers, &push, of.renderer.per_float(1))
     }
 
     fn penalties(&self, decides: bool) -> Penalties {

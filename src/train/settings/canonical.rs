@@ -10,14 +10,26 @@ impl Settings {
         let (mut s, plain) = (self.clone(), Self::default());
         // A name for values that are settings of their own.
         s.density.housekeeping = Housekeeping::default();
-        if s.density.growth == Growth::Threshold {
+        if s.density.growth == Growth::Relocated {
+            s.density.grad_threshold = plain.density.grad_threshold;
+            s.density.split_grad_threshold = plain.density.split_grad_threshold;
+            s.density.percent_dense = plain.density.percent_dense;
+            s.density.absgrad = plain.density.absgrad;
+            s.density.prune_unseen = plain.density.prune_unseen;
+            s.density.prune_extent = plain.density.prune_extent;
+            s.density.keep_opacity = plain.density.keep_opacity;
+            s.density.recycle_share = plain.density.recycle_share;
+        } else {
+            s.density.relocate_growth = plain.density.relocate_growth;
+        }
+        if s.density.growth != Growth::Sampled {
             s.density.sample_rate = plain.density.sample_rate;
             s.density.sample_mask_share = plain.density.sample_mask_share;
             s.density.sample_error_share = plain.density.sample_error_share;
             s.density.sample_error = plain.density.sample_error;
             s.density.split_along_gradient = plain.density.split_along_gradient;
         }
-        if s.density.growth == Growth::Threshold || s.frequencies.low_stage == 0.0 {
+        if s.density.growth != Growth::Sampled || s.frequencies.low_stage == 0.0 {
             s.density.low_grad_threshold = s.density.grad_threshold;
         }
         if s.density.prune_weight == 0.0 {

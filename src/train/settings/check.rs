@@ -58,12 +58,14 @@ impl Settings {
     }
 
     /// Constraints between harmonics, background and losses.
-    fn together(&self) -> [Constraint; 7] {
+    fn together(&self) -> [Constraint; 9] {
         let Self { run, model, texture, shortcuts, density, geometry, .. } = self;
         let growth_ends = run.scale_schedule || density.no_densify || density.densify_until < run.iterations;
         let one_colour = self.photographs.transparent == Transparent::LeftOut || model.background != Background::Random;
         let plain = model.sh_share >= 1.0 && shortcuts.moment_bits == 32;
         let wants_cloud = run.method == Method::Rsgs || geometry.depth_prior == DepthPrior::Lidar;
+        let kept_to_cloud =
+            density.lidar.is_some() && (run.method == Method::Rsgs || geometry.depth_prior != DepthPrior::Lidar);
         [
             (
                 one_colour,
@@ -84,6 +86,16 @@ impl Settings {
                 model.sh_share == 1.0 || density.split_wavelength == 0.0,
                 "split-wavelength",
                 "0 where sh-share is below 1",
+            ),
+            (
+                density.growth != Growth::Relocated || model.sh_share == 1.0,
+                "growth",
+                "threshold or sampled where sh-share is below 1",
+            ),
+            (
+                density.growth != Growth::Relocated || !kept_to_cloud,
+                "growth",
+                "threshold or sampled where splats grow near a cloud (lidar)",
             ),
             (
                 texture.lambda_constrained == 0.0 || self.frequencies.low_stage > 0.0,

@@ -52,7 +52,8 @@ group! {
     }
     constants {
         /// Rule of growth. `threshold`: all splats whose gradient reaches grad-threshold are cloned or split.
-        /// `sampled`: a sample of these splats is split along their longest axis
+        /// `sampled`: a sample of these splats is split along their longest axis. `relocated`: splats of prune-opacity or
+        /// less go to the places of others, drawn by opacity, and relocate-growth more are added there up to max-splats
         pub growth: Growth = Growth::Threshold,
         /// As grad-threshold, for splats of low frequencies (mask value 0) in the low-frequency stage, with sampled
         /// growth
@@ -68,6 +69,11 @@ group! {
         pub sample_error: f64 = 0.05; Range::WEIGHT,
         /// Factor of all opacities at each density change, with sampled growth
         pub keep_opacity: f64 = 1.0; Range::SHARE_ABOVE_0,
+        /// Share by which the number of splats grows every densify-interval steps, with relocated growth
+        pub relocate_growth: f64 = 0.05; Range::SHARE,
+        /// Factor of the noise on the means of faint splats, in learning rates of the means and covariances of the
+        /// splats (0: no noise)
+        pub noise_means: f64 = 0.0; Range::WEIGHT,
         /// Share of the scene's extent from which a splat is split; a smaller splat is cloned
         pub percent_dense: f64 = 0.01; Range::THRESHOLD,
         /// First step at which prune-weight may drop splats

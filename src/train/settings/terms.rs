@@ -35,6 +35,11 @@ group! {
     flags {}
     optional {}
     constants {
+        /// Opacity at the start of the splats on the dataset's points
+        pub first_opacity: f64 = FIRST_OPACITY; Range::new("a number above 0, below 1", |v| v > 0.0 && v < 1.0),
+        /// Width at the start of the splats on the dataset's points, as a share of the root mean square of the distances
+        /// to the three nearest points
+        pub first_width: f64 = 1.0; Range::POSITIVE,
         /// Pixels of the longer side of the photographs that stereo compares, at most
         pub stereo_side: u32 = 160; Range::new("at least 16 pixels", |v| v >= 16.0),
         /// Share of the time of the steps that stereo takes, at most: photographs become smaller, and sources and

@@ -66,9 +66,11 @@ pub enum Growth {
     Threshold,
     /// A sample of these splats, split along their longest axis.
     Sampled,
+    /// Splats are added in the places of others, drawn by opacity, where dead splats go too (3DGS-MCMC).
+    Relocated,
 }
 
-words!(Growth, "growth": Threshold = "threshold", Sampled = "sampled");
+words!(Growth, "growth": Threshold = "threshold", Sampled = "sampled", Relocated = "relocated");
 as_word!(Growth);
 
 /// How the width of the saliency filter is learned.

@@ -31,6 +31,7 @@ impl History {
             }
             Message::Density { step, splats, .. }
             | Message::Propagated { step, splats, .. }
+            | Message::Relocated { step, splats, .. }
             | Message::Skirted { step, splats, .. }
             | Message::SplitWide { step, splats, .. }
             | Message::Pruned { step, splats, .. } => {
