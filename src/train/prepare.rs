@@ -30,7 +30,6 @@ use crate::dataset::{
 use crate::format::ply::{self, Cloud, Content};
 use crate::format::{At, Error as FileError, LeftOut};
 use crate::scene::{Frame, Gaussians, init};
-use crate::stereo::Prior;
 
 /// How a dataset is loaded for these settings. `background` is the colour behind the splats (red, green, blue from 0 to
 /// 1); transparent pixels show it if the settings say so.
@@ -245,22 +244,16 @@ pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare)
     })
 }
 
-/// Lets growth go on for longer and from lower gradients if the share of pixels with a depth is below `grow-on`, and
-/// returns that share. The new numbers are written into the settings, so a resumed run has them too.
-pub fn grow_on(input: &Input, settings: &mut Settings) -> Option<f64> {
+/// Limits the splats to `growth-room` times the first ones if there is no other limit, and returns the limit. The limit
+/// is written into the settings, so a resumed run has it too.
+pub fn limit_growth(input: &Input, settings: &mut Settings) -> Option<u32> {
     let density = &mut settings.density;
-    let known: f64 = input.optional.priors.iter().flatten().map(Prior::share).sum();
-    let counts = |view: &View| {
-        1.0 - f64::from(view.masked()) / (f64::from(view.camera.width) * f64::from(view.camera.height)).max(1.0)
-    };
-    let share = known / input.train.iter().map(counts).sum::<f64>().max(f64::MIN_POSITIVE);
-    if density.no_densify || share >= density.grow_on {
+    if density.no_densify || density.growth_room == 0.0 || density.max_splats.is_some() {
         return None;
     }
-    density.grow_on = 0.0;
-    density.densify_until = density.grow_on_until;
-    (density.grad_threshold, density.low_grad_threshold) = (density.grow_on_threshold, density.grow_on_threshold);
-    Some(share)
+    let most = (density.growth_room * input.initial.len() as f64).ceil().clamp(1.0, f64::from(u32::MAX)) as u32;
+    density.max_splats = Some(most);
+    Some(most)
 }
 
 #[cfg(test)]

@@ -60,42 +60,19 @@ fn ground(view: &View, settings: &Settings) -> Prior {
 }
 
 #[test]
-fn growth_goes_on_where_little_is_known() {
-    let mut settings = Settings::default();
-    Method::Psrgs.apply(&mut settings, |_| false);
-    let mut input = plane_scene::input(4, 64, 48, 30);
-    let after = |input: &Input| {
-        let mut settings = settings.clone();
-        (prepare::grow_on(input, &mut settings), settings.density)
-    };
-    input.optional.priors = input.train.iter().map(|view| Some(ground(view, &settings))).collect();
-    let known: f64 = input.optional.priors.iter().flatten().map(Prior::share).sum::<f64>() / 4.0;
-    assert!(known > 0.5, "{known}");
-    assert_eq!(after(&input), (None, settings.density.clone()));
-    input.optional.priors[1..].fill(None);
-    let (share, density) = after(&input);
-    assert!(share.is_some_and(|share| share > 0.0 && share < 0.3), "{share:?}");
-    assert_eq!((density.densify_until, density.grad_threshold, density.low_grad_threshold), (15_000, 8e-4, 8e-4));
-    assert_eq!(density.grow_on, 0.0, "a resumed run changed its settings");
-    // Masked pixels need no depth.
-    for view in &mut input.train[1..] {
-        let pixels = Pixels::Rgba8(vec![0; 4 * (view.camera.width * view.camera.height) as usize]);
-        *view = View::new("masked", view.camera, pixels);
-    }
-    assert_eq!(after(&input).0, None);
-    // Without depths.
-    input.optional.priors.clear();
-    assert_eq!(after(&input).0, Some(0.0));
-    // Without density control no growth continues.
-    let mut still = settings.clone();
-    still.density.no_densify = true;
-    assert_eq!(prepare::grow_on(&input, &mut still), None);
-    // Named settings of growth are kept.
-    for key in ["densify-until", "grad-threshold", "low-grad-threshold", "grow-on"] {
+fn growth_is_limited_by_the_first_splats() {
+    let input = plane_scene::input(4, 64, 48, 30);
+    let limited = |change: &dyn Fn(&mut Settings)| {
         let mut settings = Settings::default();
-        Method::Psrgs.apply(&mut settings, |named| named == key);
-        assert_eq!(prepare::grow_on(&input, &mut settings), None, "{key}");
-    }
+        Method::Psrgs.apply(&mut settings, |_| false);
+        change(&mut settings);
+        (prepare::limit_growth(&input, &mut settings), settings.density.max_splats)
+    };
+    let of_room = |room: f64| limited(&|settings| settings.density.growth_room = room);
+    assert_eq!(of_room(2.5), (Some(75), Some(75)), "a resumed run has the limit in its settings");
+    assert_eq!(of_room(0.0), (None, None));
+    assert_eq!(limited(&|settings| settings.density.max_splats = Some(7)), (None, Some(7)), "the user's own");
+    assert_eq!(limited(&|settings| settings.density.no_densify = true), (None, None));
 }
 
 fn input(views: usize, (width, height): (u32, u32), splats: usize, settings: &Settings) -> Input {
@@ -284,8 +261,6 @@ fn methods_are_values_of_options_and_named_ones_win() {
         named.density.grad_threshold = 1e-3;
         method.apply(&mut named, |key| key == "grad-threshold");
         assert_eq!(named.density.grad_threshold, 1e-3, "{name}");
-        assert_eq!(named.density.grow_on, 0.0, "{name}: a named setting of growth is not kept");
-        named.density.grow_on = whole.density.grow_on;
         named.density.grad_threshold = whole.density.grad_threshold;
         assert_eq!(named, whole, "{name}");
     }

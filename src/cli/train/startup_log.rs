@@ -60,10 +60,9 @@ pub(super) fn event(event: &SetupEvent<'_>, console: &Console) {
         }
         SetupEvent::Depths { found, settings, photographs } => depths(found, settings, *photographs, console),
         SetupEvent::ExposuresDecided(evidence) => console.say(evidence),
-        SetupEvent::GrowsLonger { known } => console.say(format_args!(
-            "depths are known of {} of the pixels only: splats grow for longer, and from lower gradients (`grow-on`)",
-            percent(*known, 0)
-        )),
+        SetupEvent::GrowthLimited { most } => {
+            console.detail(format_args!("growth ends at {} (growth-room)", counted(*most, "splat")));
+        }
         SetupEvent::Variants(tuned) => {
             tuned.warning.iter().for_each(|warning| console.warn(warning));
             if tuned.is_by_capability() {

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::{
-    ExposureEvidence, FirstModel, StereoReport, compute_stereo_priors, decide_exposures, first, grow_on, input_within,
-    outline,
+    ExposureEvidence, FirstModel, StereoReport, compute_stereo_priors, decide_exposures, first, input_within,
+    limit_growth, outline,
 };
 use crate::dataset::{Dataset, Role, Warning};
 use crate::format::LeftOut;
@@ -47,10 +47,10 @@ pub enum SetupEvent<'a> {
     },
     /// Whether exposures are learned was left to the photographs, and is decided by this.
     ExposuresDecided(&'a ExposureEvidence),
-    /// Growth goes on for longer, because few pixels have a depth.
-    GrowsLonger {
-        /// Share of the pixels with a depth, from 0 to 1.
-        known: f64,
+    /// Growth is limited by the number of first splats.
+    GrowthLimited {
+        /// Most splats.
+        most: u32,
     },
     /// The variants of the passes were chosen.
     Variants(&'a Tuned),
@@ -185,13 +185,13 @@ impl Setup {
         Ok(())
     }
 
-    /// Decides what the settings leave to the photographs: whether exposures are learned, and how long splats grow.
+    /// Decides what the settings leave to the photographs: whether exposures are learned, and how many splats may grow.
     fn decide_by_photographs(&mut self, dataset: &Dataset, tell: &mut dyn FnMut(SetupEvent<'_>)) -> Result<(), Error> {
         if let Some(evidence) = decide_exposures(dataset, &self.input, &mut self.settings)? {
             tell(SetupEvent::ExposuresDecided(&evidence));
         }
-        if let Some(known) = grow_on(&self.input, &mut self.settings) {
-            tell(SetupEvent::GrowsLonger { known });
+        if let Some(most) = limit_growth(&self.input, &mut self.settings) {
+            tell(SetupEvent::GrowthLimited { most });
         }
         Ok(())
     }

@@ -36,9 +36,8 @@ impl Settings {
             s.density.prune_young = plain.density.prune_young;
             s.density.prune_weight_from = plain.density.prune_weight_from;
         }
-        if s.density.grow_on == 0.0 {
-            s.density.grow_on_until = plain.density.grow_on_until;
-            s.density.grow_on_threshold = plain.density.grow_on_threshold;
+        if s.density.max_splats.is_some() || s.density.no_densify {
+            s.density.growth_room = plain.density.growth_room;
         }
         if s.density.split_wavelength == 0.0 || s.density.no_densify {
             s.density.split_wavelength = plain.density.split_wavelength;

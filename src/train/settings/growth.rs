@@ -86,13 +86,8 @@ group! {
         /// Share of the scene's extent above which splats are pruned once opacities have been reset (0: keep splats of
         /// any size)
         pub prune_extent: f64 = 0.1; Range::new("a positive number, or 0 to keep splats of any size", |v| v >= 0.0),
-        /// Share of the pixels with a depth before the first step below which growth-on values hold: growth ends at
-        /// grow-on-until and begins at a gradient of grow-on-threshold (0: nowhere)
-        pub grow_on: f64 = 0.0; Range::SHARE,
-        /// Last step of growth where depths of few pixels are known
-        pub grow_on_until: u32 = 15_000,
-        /// Threshold of growth where depths of few pixels are known
-        pub grow_on_threshold: f64 = 6e-4; Range::THRESHOLD,
+        /// Most splats where max-splats is not set, as a multiple of the first ones (0: no limit)
+        pub growth_room: f64 = 0.0; Range::WEIGHT,
         /// Share of the scene's extent from the cloud of lidar beyond which splats do not grow
         pub lidar_distance: f64 = 0.02; Range::THRESHOLD,
         /// Whether splits are judged by sums of absolute gradients of pixels, which do not cancel; with sampled growth

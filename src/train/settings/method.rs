@@ -207,6 +207,8 @@ fn parts_of_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "depth-prior" geometry.depth_prior = DepthPrior::Stereo,
         "lambda-flatten" geometry.lambda_flatten = 0.01,
     );
+    // The loss on depth and normals is that of the low-frequency stage. Without the stage there is none.
+    unless_named!(named, settings: "depth-steps" geometry.depth_steps = settings.frequencies.low_stage);
 }
 
 fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
@@ -215,13 +217,13 @@ fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "start" geometry.start = Start::Stereo,
         "exposure" optimiser.exposure = Exposure::Auto,
         "housekeeping" density.housekeeping = Housekeeping::Lean,
-        // Growth ends after a third of the steps, as most splats begin where they are needed.
-        "densify-until" density.densify_until = 10_000,
+        // Photographs that agree on few surfaces would be fitted one by one.
+        "growth-room" density.growth_room = 4.0,
         // Texture, which SSIM sees, counts more than in publications, and its larger gradients take larger thresholds.
         "lambda-dssim" optimiser.lambda_dssim = 0.3,
-        "grad-threshold" density.grad_threshold = 2.4e-3,
-        "low-grad-threshold" density.low_grad_threshold = 4.8e-3,
-        "grow-on-threshold" density.grow_on_threshold = 8e-4,
+        "grad-threshold" density.grad_threshold = 1.2e-3,
+        "low-grad-threshold" density.low_grad_threshold = 2.4e-3,
+        "split-along-gradient" density.split_along_gradient = true,
     );
     if settings.geometry.begins_on_surfaces() {
         unless_named!(named, settings:
@@ -231,10 +233,6 @@ fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
             "stereo-opacity" geometry.stereo_opacity = 0.3,
             "stereo-alone" geometry.stereo_alone = 3,
         );
-    }
-    // Surfaces that stereo does not find have to grow. A user who says how splats grow has them grow so.
-    if !["densify-until", "grad-threshold", "low-grad-threshold"].into_iter().any(named) {
-        unless_named!(named, settings: "grow-on" density.grow_on = 0.5);
     }
 }
 
