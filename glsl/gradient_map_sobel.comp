@@ -8,16 +8,21 @@
 #include "loads.glsl"
 #include "luma.glsl"
 layout(local_size_x = 64) in;
+// 1: b is of another render in place of the photograph.
+layout(constant_id = 3) const uint OTHER = 0u;
 layout(set = 0, binding = 0) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 1) readonly buffer Target { uint target[]; };
-layout(set = 0, binding = 2) writeonly buffer Maps { vec4 maps[]; };
+layout(set = 0, binding = 2) readonly buffer Other { vec4 other[]; };
+layout(set = 0, binding = 3) writeonly buffer Maps { vec4 maps[]; };
 #include "photograph.glsl"
 
-// Luma of render and photograph.
+// Luma of the render and of what it is compared with; that of the photograph for both where the pixel is masked.
 vec2 lumas(uint k) {
     const Seen seen = photograph_at(k);
     const float wanted = luma(seen.colour);
-    return vec2(seen.counts ? luma(LOAD4(image, k).rgb) : wanted, wanted);
+    vec2 both = vec2(seen.counts ? luma(LOAD4(image, k).rgb) : wanted, wanted);
+    if (OTHER != 0u) both.y = seen.counts ? luma(LOAD4(other, k).rgb) : wanted;
+    return both;
 }
 
 void main() {

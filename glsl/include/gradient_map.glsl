@@ -4,7 +4,8 @@
 //     weight * (1 - sum m r / sum m) + tv_weight * mean sqrt((e right - e)^2 + (e below - e)^2 + 1e-6),
 // where m is the sum of the mask over the included pixels of the window (1 each without a mask). Border pixels and
 // masked pixels of the photograph are excluded. At masked pixels of the photograph the render counts as equal and has
-// no gradient, and differences across a mask's edge are 0.
+// no gradient, and differences across a mask's edge are 0. With OTHER, b is of another render of the view, whose masked
+// pixels count as equal too: the correlation is then the same with both renders exchanged.
 #ifndef GRADIENT_MAP_GLSL
 #define GRADIENT_MAP_GLSL
 

@@ -155,7 +155,8 @@ fn methods() -> anyhow::Result<String> {
         method.apply(&mut settings, |_| false);
         set.push(values(&settings)?);
     }
-    let mut text = format!("{METHODS}\n| key | default | `{}` |\n|---|---|{}\n", names.join("` | `"), "---|".repeat(7));
+    let mut text =
+        format!("{METHODS}\n| key | default | `{}` |\n|---|---|{}\n", names.join("` | `"), "---|".repeat(names.len()));
     let keys: BTreeSet<&String> = set.iter().flat_map(BTreeMap::keys).collect();
     for key in keys.into_iter().filter(|key| *key != "method") {
         let default = defaults.get(key);

@@ -1,4 +1,4 @@
-//! Gradient maps of a render against those of the photograph.
+//! Gradient maps of a render against those of the photograph or of another render.
 
 use super::{Photograph, record_sum, sum_pipeline};
 use crate::pass::gradient_map::{self, Push};
@@ -11,6 +11,21 @@ pub struct GradientMapWeights {
     pub correlation: f32,
     /// Weight of the residual's total variation; 0 leaves the term out.
     pub variation: f32,
+}
+
+/// The render of the loss, and what its gradient maps are compared with.
+#[derive(Clone, Copy)]
+pub struct MapImages<'a> {
+    /// The render: a vec4 per pixel of the photograph.
+    pub image: &'a Buffer,
+    /// Another render of the same view, in place of the photograph.
+    pub other: Option<&'a Buffer>,
+}
+
+impl<'a> From<&'a Buffer> for MapImages<'a> {
+    fn from(image: &'a Buffer) -> Self {
+        Self { image, other: None }
+    }
 }
 
 /// The passes of the gradient map loss and the buffers between them.
@@ -40,17 +55,19 @@ impl GradientMapLoss {
         })
     }
 
-    /// Records the loss of `image`, a vec4 per pixel of the photograph, and adds dL/d(image) to `grad_image`. A
-    /// window's weight is the sum of the photograph's mask over its pixels, or its number of pixels without a mask.
-    /// With exposures, `image` is the render after the photograph's exposure.
-    pub fn record(
+    /// Records the loss of `images`, and adds dL/d(image) to `grad_image`. A window's weight is the sum of the
+    /// photograph's mask over its pixels, or its number of pixels without a mask. The residual is that from the
+    /// photograph, whatever maps are compared with. With exposures, a render that is compared with the photograph is
+    /// the one after the photograph's exposure.
+    pub fn record<'a>(
         &self,
         recorder: &mut Recorder,
-        image: &Buffer,
+        images: impl Into<MapImages<'a>>,
         photograph: &Photograph<'_>,
         weights: &GradientMapWeights,
         grad_image: &Buffer,
     ) -> Result<(), vk::Error> {
+        let MapImages { image, other } = images.into();
         let (width, height) = photograph.size;
         let (mask_buffer, mask_size) = photograph.mask_to_bind();
         let push = Push {
@@ -63,7 +80,7 @@ impl GradientMapLoss {
             values: photograph.values,
         };
         let bits = ("PHOTOGRAPH_BITS", photograph.bits);
-        let sobel = self.gpu.pipeline(&gradient_map::SOBEL.kernel, &[bits])?;
+        let sobel = self.gpu.pipeline(&gradient_map::SOBEL.kernel, &[bits, ("OTHER", u32::from(other.is_some()))])?;
         let correlate =
             self.gpu.pipeline(&gradient_map::WINDOWS.kernel, &[("MASK", u32::from(photograph.mask.is_some()))])?;
         let variation = ("VARIATION", u32::from(weights.variation != 0.0));
@@ -71,7 +88,12 @@ impl GradientMapLoss {
 
         let target = photograph.buffer;
         let pixels = u64::from(width) * u64::from(height);
-        recorder.dispatch(&sobel, &[image, target, &self.maps], &push, Groups::Items(pixels))?;
+        recorder.dispatch(
+            &sobel,
+            &[image, target, other.unwrap_or(image), &self.maps],
+            &push,
+            Groups::Items(pixels),
+        )?;
         let count = gradient_map::windows(width, height);
         let buffers = [mask_buffer, &self.maps, &self.windows];
         recorder.dispatch(&correlate, &buffers, &push, Groups::Workgroups(u64::from(count)))?;

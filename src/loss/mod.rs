@@ -9,7 +9,7 @@ mod gradient_maps;
 mod photometric;
 
 pub use geometry::{Edges, GeometryLoss, GeometryWeights, PackedPrior, Prior, Rendered};
-pub use gradient_maps::{GradientMapLoss, GradientMapWeights};
+pub use gradient_maps::{GradientMapLoss, GradientMapWeights, MapImages};
 pub use photometric::{PhotometricLoss, PixelWeights};
 
 use crate::pass::part_sum;

@@ -56,6 +56,8 @@ pub const fn parts(width: u32, height: u32) -> u32 {
 const MASK: Constant = Constant { id: 0, name: "MASK", default: 0 };
 /// 0: leaves out the residual's variation.
 const VARIATION: Constant = Constant { id: 0, name: "VARIATION", default: 1 };
+/// 1: gradient maps are compared with those of another render; 0: with those of the photograph.
+const OTHER: Constant = Constant { id: 3, name: "OTHER", default: 0 };
 const PHOTOGRAPH_BITS: Constant = Constant { id: 2, name: "PHOTOGRAPH_BITS", default: 8 };
 
 /// Gradient maps.
@@ -63,9 +65,9 @@ pub const SOBEL: Pass = Pass {
     kernel: Kernel {
         name: "gradient_map_sobel",
         spirv: module("gradient_map_sobel"),
-        bindings: &[read("image"), read("target"), write("maps")],
+        bindings: &[read("image"), read("target"), read("other"), write("maps")],
         push_bytes: Push::BYTES,
-        constants: &[PHOTOGRAPH_BITS],
+        constants: &[PHOTOGRAPH_BITS, OTHER],
         local_size: Some(64),
     },
     doc: "One thread owns a pixel.",

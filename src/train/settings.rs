@@ -20,8 +20,8 @@ pub use preset::StepsByNeed;
 pub use range::Range;
 pub use terms::{Geometry, Texture};
 pub use values::{
-    Background, ByteSize, DepthPrior, Exposure, Format, Gate, Growth, Housekeeping, LidarCloud, MaskIgnores, Method,
-    Preset, SigmaLearning, Spacing, Split, Start, Transfer, Transparent, Tune,
+    Background, ByteSize, ConstrainedAgainst, DepthPrior, Exposure, Format, Gate, Growth, Housekeeping, LidarCloud,
+    MaskIgnores, Method, Preset, SigmaLearning, Spacing, Split, Start, Transfer, Transparent, Tune,
 };
 
 use std::path::PathBuf;

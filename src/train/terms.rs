@@ -122,7 +122,8 @@ impl Terms {
         let maps = texture.wants_gradients().then(|| GradientMapLoss::new(gpu, &sizes)).transpose()?.map(Arc::new);
         let constrained = match &maps {
             Some(maps) if settings.wants_constrained() => {
-                Some(Constrained::new(gpu, splats, maps.clone(), texture.lambda_constrained)?)
+                let pixels = sizes.iter().map(|(width, height)| width * height).max().unwrap_or(1);
+                Some(Constrained::new(gpu, splats, pixels, maps.clone(), texture)?)
             }
             _ => None,
         };

@@ -20,6 +20,8 @@ pub struct Scene<'a, R> {
     pub image: Vec<[R; 4]>,
     /// The photograph.
     pub photo: Vec<[R; 3]>,
+    /// Another render that gradient maps are compared with in place of the photograph.
+    pub other: Option<Vec<[R; 4]>>,
     /// Whether each pixel counts: those that are not masked.
     pub counts: Vec<bool>,
     /// The texture mask, where there is one.
@@ -53,6 +55,14 @@ impl<R: Real> Scene<'_, R> {
         if self.counts[k] { [r, g, b] } else { self.photo[k] }
     }
 
+    /// What a pixel of the render is compared with.
+    fn wanted(&self, k: usize) -> [R; 3] {
+        match &self.other {
+            Some(other) if self.counts[k] => [other[k][0], other[k][1], other[k][2]],
+            _ => self.photo[k],
+        }
+    }
+
     /// `gradient_map_sobel`: a pixel's row.
     pub fn sobel(&self, k: usize) -> [R; 4] {
         let ([width, height], o) = (self.size(), R::zero());
@@ -70,7 +80,7 @@ impl<R: Real> Scene<'_, R> {
             [gx, gy]
         };
         let [gx, gy] = gradient(&|k| luma(self.colour(k)));
-        let [px, py] = gradient(&|k| luma(self.photo[k]));
+        let [px, py] = gradient(&|k| luma(self.wanted(k)));
         [root(gx, gy), root(px, py), gx, gy]
     }
 
@@ -187,17 +197,18 @@ impl<R: Real> Scene<'_, R> {
 /// The inputs that the passes bind, without a mask.
 fn scene(push: Push, image: Vec<[f32; 4]>, target: &[u32], bits: u32) -> Scene<'static, f32> {
     let (photo, counts) = (unpack(target, bits), counting(target, bits));
-    Scene { push, variation: true, image, photo, counts, mask: None }
+    Scene { push, variation: true, image, photo, other: None, counts, mask: None }
 }
 
 /// Adapter over raw buffers.
 pub fn run_sobel(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
-    let scene = scene(push, call.get(0), &call.get::<u32>(1), call.constants[0]);
-    let mut maps = call.get::<[f32; 4]>(2);
+    let mut scene = scene(push, call.get(0), &call.get::<u32>(1), call.constants[0]);
+    scene.other = (call.constants[1] != 0).then(|| call.get(2));
+    let mut maps = call.get::<[f32; 4]>(3);
     let pixels = (push.width * push.height).min(64 * call.groups) as usize;
     maps.iter_mut().take(pixels).enumerate().for_each(|(k, row)| *row = scene.sobel(k));
-    call.set(2, &maps);
+    call.set(3, &maps);
 }
 
 /// Adapter over raw buffers.
@@ -206,7 +217,15 @@ pub fn run_windows(call: &mut TwinCall<'_>) {
     let bytes = call.get::<u8>(0);
     let mask = ByteMask { bytes: &bytes, size: [push.mask_width as usize, push.mask_height as usize] };
     let mask = (call.constants[0] != 0).then_some(mask);
-    let scene = Scene::<f32> { push, variation: false, image: Vec::new(), photo: Vec::new(), counts: Vec::new(), mask };
+    let scene = Scene::<f32> {
+        push,
+        variation: false,
+        image: Vec::new(),
+        photo: Vec::new(),
+        other: None,
+        counts: Vec::new(),
+        mask,
+    };
     let mut maps = call.get::<[f32; 4]>(1);
     let count = windows(push.width, push.height).min(call.groups) as usize;
     let found: Vec<Window<f32>> = (0..count).map(|w| scene.window(&maps, w)).collect();

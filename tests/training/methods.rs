@@ -4,11 +4,11 @@
 use psrgs_vk::dataset::Pixels;
 use psrgs_vk::scene::init::SH_C0;
 use psrgs_vk::stereo::Prior;
-use psrgs_vk::train::settings::{DepthPrior, Gate, Growth, LidarCloud, Method, SigmaLearning};
+use psrgs_vk::train::settings::{ConstrainedAgainst, DepthPrior, Gate, Growth, LidarCloud, Method, SigmaLearning};
 use psrgs_vk::train::{Input, Pacing, Settings, View, prepare};
 
 use super::common::{gpu, plane_scene};
-use super::{run, settings, stops_and_resumes_on};
+use super::{assert_same, run, settings, stops_and_resumes_on};
 
 /// Everything on, at a pace for few steps. The perceptual distance is that of filters, which need no weights.
 fn everything(iterations: u32) -> Settings {
@@ -59,6 +59,31 @@ fn ground(view: &View, settings: &Settings) -> Prior {
     prior
 }
 
+/// The loss of two renders is at work, is another one than that against the photograph, and depends on no timing.
+#[test]
+fn two_renders_are_compared_after_the_low_stage() {
+    let Some(gpu) = gpu() else { return };
+    let input = plane_scene::input(4, 64, 48, 200);
+    let trained = |weight: f64, against, events_in_flight| {
+        let mut s = settings(50);
+        s.frequencies.low_stage = 0.4;
+        s.texture.lambda_constrained = weight;
+        s.texture.constrained_against = against;
+        s.texture.gradients_every = 2;
+        run(&gpu, input.clone(), &s, Pacing { events_in_flight, ..Pacing::default() })
+    };
+    let both = trained(0.5, ConstrainedAgainst::Render, 1);
+    assert_same(&both.state, &trained(0.5, ConstrainedAgainst::Render, 5).state, "two renders");
+    assert!(both.losses.iter().all(|loss| loss.is_finite()) && both.changed > 0);
+    let photograph = trained(0.5, ConstrainedAgainst::Photograph, 1);
+    let off = trained(0.0, ConstrainedAgainst::Photograph, 1);
+    // The stage ends after step 20.
+    assert_eq!((&both.losses[..20], &both.losses[..20]), (&off.losses[..20], &photograph.losses[..20]));
+    for other in [&photograph, &off] {
+        assert!(both.losses[49] != other.losses[49], "the loss of two renders does nothing of its own");
+    }
+}
+
 #[test]
 fn growth_is_limited_by_the_first_splats() {
     let input = plane_scene::input(4, 64, 48, 30);
@@ -98,7 +123,8 @@ fn everything_at_once_learns_and_repeats_itself() {
 #[test]
 fn everything_at_once_stops_and_resumes_bit_equal() {
     let Some(gpu) = gpu() else { return };
-    let settings = everything(60);
+    let mut settings = everything(60);
+    settings.texture.constrained_against = ConstrainedAgainst::Render;
     stops_and_resumes_on(&gpu, &settings, &input(5, (64, 48), 300, &settings), &[14, 15, 24, 45]);
 }
 

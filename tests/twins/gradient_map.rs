@@ -1,7 +1,7 @@
 //! The gradient-map loss: each pass against its twin, the chain of passes against f64, and the twin's gradient against
 //! differences of the definition.
 
-use psrgs_vk::loss::{GradientMapLoss, GradientMapWeights, Photograph, TextureMask};
+use psrgs_vk::loss::{GradientMapLoss, GradientMapWeights, MapImages, Photograph, TextureMask};
 use psrgs_vk::pass::gradient_map::{self as passes, Push};
 use psrgs_vk::pass::{loss, part_sum};
 use psrgs_vk::scene::random::Random;
@@ -19,6 +19,7 @@ struct View {
     bits: u32,
     variation: bool,
     image: Vec<[f32; 4]>,
+    other: Option<Vec<[f32; 4]>>,
     target: Vec<u32>,
     mask: Option<Vec<u8>>,
 }
@@ -43,10 +44,18 @@ fn view([width, height]: [u32; 2], mask: Option<[u32; 2]>, bits: u32, variation:
     let mask = mask.map(|[w, h]| (0..(w * h).next_multiple_of(4)).map(|_| random.word() as u8).collect());
     let values = loss::values(width, height, masked);
     let push = Push { width, height, mask_width, mask_height, weight: 0.6, tv_weight: 0.4, values };
-    View { push, bits, variation, image, target, mask }
+    View { push, bits, variation, image, other: None, target, mask }
 }
 
 impl View {
+    /// With another render, whose waves lie elsewhere.
+    fn with_other(mut self) -> Self {
+        let mut random = Random::new(7);
+        let moved = |row: &[f32; 4]| row.map(|v| 0.6 * v + 0.3 * v * v + random.between(0.0, 0.2));
+        self.other = Some(self.image.iter().map(moved).collect());
+        self
+    }
+
     fn scene(&self) -> Scene<'_, f64> {
         let size = [self.push.mask_width as usize, self.push.mask_height as usize];
         Scene {
@@ -54,6 +63,7 @@ impl View {
             variation: self.variation,
             image: self.image.iter().map(|row| row.map(f64::from)).collect(),
             photo: unpack(&self.target, self.bits),
+            other: self.other.as_ref().map(|other| other.iter().map(|row| row.map(f64::from)).collect()),
             counts: counting(&self.target, self.bits),
             mask: self.mask.as_ref().map(|bytes| place::ByteMask { bytes, size }),
         }
@@ -100,12 +110,14 @@ fn on_device(gpu: &Gpu, v: &View, what: &str, bound: Option<f32>) -> (Vec<[f32; 
         }
         outcome
     };
-    let buffers = [image.clone(), target.clone(), garbage(4 * pixels + 8)];
-    let maps = run(&passes::SOBEL, &[bits], &buffers, (pixels as u32).div_ceil(64), &[(2, 4 * pixels)]);
+    let other = v.other.as_ref().map_or_else(|| image.clone(), |other| bytes(other));
+    let given = [bits, ("OTHER", u32::from(v.other.is_some()))];
+    let buffers = [image.clone(), target.clone(), other, garbage(4 * pixels + 8)];
+    let maps = run(&passes::SOBEL, &given, &buffers, (pixels as u32).div_ceil(64), &[(3, 4 * pixels)]);
 
     let count = passes::windows(width, height);
     let mask = v.mask.clone().unwrap_or(vec![0; 4]);
-    let buffers = [mask, maps.device[2].clone(), garbage(4 * count as usize + 8)];
+    let buffers = [mask, maps.device[3].clone(), garbage(4 * count as usize + 8)];
     let given = [("MASK", u32::from(v.mask.is_some()))];
     let written = [(1, 4 * pixels), (2, 4 * count as usize)];
     let windows = run(&passes::WINDOWS, &given, &buffers, count, &written);
@@ -136,6 +148,7 @@ fn composed(gpu: &Gpu, v: &View) -> (Vec<[f32; 4]>, Vec<f32>) {
     let (image, target, grad) =
         (upload("image", &bytes(&v.image)), upload("target", &bytes(&v.target)), upload("grad_image", &before));
     let mask = v.mask.as_ref().map(|mask| upload("mask", mask));
+    let other = v.other.as_ref().map(|other| upload("other", &bytes(other)));
     let size = (v.push.width, v.push.height);
     let maps = GradientMapLoss::new(gpu, &[(7, 90), size]).unwrap();
     let photograph = Photograph {
@@ -149,7 +162,8 @@ fn composed(gpu: &Gpu, v: &View) -> (Vec<[f32; 4]>, Vec<f32>) {
     let variation = if v.variation { v.push.tv_weight } else { 0.0 };
     let weights = GradientMapWeights { correlation: v.push.weight, variation };
     let mut rec = gpu.recorder("gradient maps").unwrap();
-    maps.record(&mut rec, &image, &photograph, &weights, &grad).unwrap();
+    let images = MapImages { image: &image, other: other.as_ref() };
+    maps.record(&mut rec, images, &photograph, &weights, &grad).unwrap();
     rec.submit().unwrap();
     (gpu.read(&grad).unwrap(), gpu.read(maps.result()).unwrap())
 }
@@ -181,6 +195,10 @@ pub fn run(gpu: &Gpu) {
     for (k, (size, mask, bits, variation)) in cases.into_iter().enumerate() {
         let v = view(size, mask, bits, variation, 20 + k as u64);
         check(gpu, &v, &format!("{size:?}, mask {mask:?}, {bits} bits, variation {variation}"));
+    }
+    for (k, (size, mask, bits)) in [([75, 70], Some([16, 9]), 8), ([64, 33], None, 16)].into_iter().enumerate() {
+        let v = view(size, mask, bits, false, 40 + k as u64).with_other();
+        check(gpu, &v, &format!("two renders, {size:?}, mask {mask:?}, {bits} bits"));
     }
     // A zero mask, a flat photograph and a flat render: finite numbers, and no gradient of the correlation where the
     // photograph is flat.
@@ -237,4 +255,61 @@ fn gradient_map_twin_gradient_is_its_derivative() {
         }
         assert!(compared > 300, "{compared} compared");
     }
+}
+
+/// The correlation of two renders is the same with both exchanged, and its gradients with respect to each are its
+/// derivatives.
+#[test]
+fn two_renders_have_the_derivatives_of_one_correlation() {
+    let v = view([37, 35], None, 8, false, 92).with_other();
+    let View { push, image, other, target, .. } = &v;
+    let wide = |rows: &[[f32; 4]]| rows.iter().map(|row| row.map(f64::from)).collect();
+    let scene: Scene<'static, f64> = Scene {
+        push: *push,
+        variation: false,
+        image: wide(image),
+        photo: unpack(target, 8),
+        other: other.as_ref().map(|other| wide(other)),
+        counts: counting(target, 8),
+        mask: None,
+    };
+    let exchanged = |of: &Scene<'static, f64>| {
+        let mut of = of.clone();
+        of.other = Some(std::mem::replace(&mut of.image, of.other.take().expect("another render")));
+        of
+    };
+    assert!(scene.counts.iter().any(|counts| !counts));
+    let value = scene.value()[0];
+    assert!(value > 1e-2 && (value - exchanged(&scene).value()[0]).abs() < 1e-12, "{value}");
+    let mut photo = scene.clone();
+    photo.other = None;
+    assert!((photo.value()[0] - value).abs() > 1e-3, "the photograph is compared in place of the other render");
+    let (of_image, of_other) = (wanted(&scene).0, wanted(&exchanged(&scene)).0);
+    let mut compared = 0;
+    for k in (0..scene.image.len()).step_by(7) {
+        for c in 0..3 {
+            let slope = |moved: &dyn Fn(&mut Scene<'static, f64>, f64)| {
+                let at = |h: f64| {
+                    let mut scene = scene.clone();
+                    moved(&mut scene, h);
+                    scene.value()[0]
+                };
+                (at(1e-6) - at(-1e-6)) / 2e-6
+            };
+            let by_image = slope(&|scene, h| scene.image[k][c] += h);
+            let by_other = slope(&|scene, h| scene.other.as_mut().expect("another render")[k][c] += h);
+            assert!(
+                (of_image[k][c] - by_image).abs() < 1e-8,
+                "pixel {k} channel {c}: {} is {by_image}",
+                of_image[k][c]
+            );
+            assert!(
+                (of_other[k][c] - by_other).abs() < 1e-8,
+                "other {k} channel {c}: {} is {by_other}",
+                of_other[k][c]
+            );
+            compared += usize::from(by_image != 0.0 && by_other != 0.0);
+        }
+    }
+    assert!(compared > 300, "{compared} compared");
 }

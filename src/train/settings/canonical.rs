@@ -90,6 +90,9 @@ impl Settings {
         if s.shortcuts.early_steps == 0.0 {
             s.shortcuts.early_cutoff = plain.shortcuts.early_cutoff;
         }
+        if s.texture.lambda_constrained == 0.0 {
+            s.texture.constrained_against = plain.texture.constrained_against;
+        }
         if s.texture.lambda_perceptual == 0.0 {
             s.texture.perceptual_every = plain.texture.perceptual_every;
             s.texture.perceptual_views = plain.texture.perceptual_views;

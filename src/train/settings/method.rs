@@ -5,7 +5,9 @@ use std::fmt;
 use std::str::FromStr;
 
 use super::preset::LOOKS;
-use super::{DepthPrior, Exposure, Gate, Growth, Housekeeping, Run, Settings, SigmaLearning, Spacing, Start};
+use super::{
+    ConstrainedAgainst, DepthPrior, Exposure, Gate, Growth, Housekeeping, Run, Settings, SigmaLearning, Spacing, Start,
+};
 
 /// A training method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -244,8 +246,8 @@ fn psrgs_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "low-grad-threshold" density.low_grad_threshold = 2.4e-3,
         "low-texture-weight" frequencies.low_texture_weight = 0.3,
         "sigma-learning" frequencies.sigma_learning = SigmaLearning::Composite,
-        "lambda-gradients" texture.lambda_gradients = 0.05,
         "lambda-constrained" texture.lambda_constrained = 0.05,
+        "constrained-against" texture.constrained_against = ConstrainedAgainst::Render,
         "lambda-variation" texture.lambda_variation = 0.005,
         "lambda-perceptual" texture.lambda_perceptual = 0.03,
         "perceptual-every" texture.perceptual_every = 48,

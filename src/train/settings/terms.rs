@@ -1,7 +1,7 @@
 //! Settings of loss terms other than colour.
 
 use super::group::group;
-use super::{DepthPrior, Range, Spacing, Start};
+use super::{ConstrainedAgainst, DepthPrior, Range, Spacing, Start};
 use crate::scene::init::FIRST_OPACITY;
 
 /// Least NCC of depths for training and first splats. A lower value would add bare ground (see
@@ -120,6 +120,9 @@ group! {
         /// Weight of the correlation of gradient maps of the constrained set: the splats of the end of the
         /// low-frequency stage, rendered alone
         pub lambda_constrained: f64 = 0.0; Range::WEIGHT,
+        /// What these maps are correlated with: those of the photograph, or those of the full render, from which both
+        /// sets learn (render)
+        pub constrained_against: ConstrainedAgainst = ConstrainedAgainst::Photograph,
         /// Weight of the total variation of the difference between render and photograph
         pub lambda_variation: f64 = 0.0; Range::WEIGHT,
         /// Steps from one with these three losses to the next; each has so many times the weight

@@ -127,6 +127,19 @@ pub enum Spacing {
 words!(Spacing, "spacing": Uniform = "uniform", Frequency = "frequency");
 as_word!(Spacing);
 
+/// What the gradient maps of the constrained set are correlated with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ConstrainedAgainst {
+    /// Those of the photograph.
+    #[default]
+    Photograph,
+    /// Those of the full render, from which both sets learn.
+    Render,
+}
+
+words!(ConstrainedAgainst, "picture": Photograph = "photograph", Render = "render");
+as_word!(ConstrainedAgainst);
+
 /// The source of depths and normals for training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DepthPrior {
