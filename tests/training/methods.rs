@@ -1,7 +1,6 @@
 //! Sampled growth, masks, coarse photographs, depth priors, gradient maps and the perceptual distance in whole
 //! trainings.
 
-use psrgs_vk::dataset::Pixels;
 use psrgs_vk::scene::init::SH_C0;
 use psrgs_vk::stereo::Prior;
 use psrgs_vk::train::settings::{ConstrainedAgainst, DepthPrior, Gate, Growth, LidarCloud, Method, SigmaLearning};
