@@ -7,7 +7,7 @@ use psrgs_vk::train::settings::{ConstrainedAgainst, DepthPrior, Gate, Growth, Li
 use psrgs_vk::train::{Input, Pacing, Settings, View, prepare};
 
 use super::common::{gpu, plane_scene};
-use super::{assert_same, run, settings, stops_and_resumes_on};
+use super::{run, settings, stops_and_resumes_on};
 
 /// Everything on, at a pace for few steps. The perceptual distance is that of filters, which need no weights.
 fn everything(iterations: u32) -> Settings {
@@ -72,7 +72,7 @@ fn two_renders_are_compared_after_the_low_stage() {
         run(&gpu, input.clone(), &s, Pacing { events_in_flight, ..Pacing::default() })
     };
     let both = trained(0.5, ConstrainedAgainst::Render, 1);
-    assert_same(&both.state, &trained(0.5, ConstrainedAgainst::Render, 5).state, "two renders");
+    super::assert_same(&both.state, &trained(0.5, ConstrainedAgainst::Render, 5).state, "two renders");
     assert!(both.losses.iter().all(|loss| loss.is_finite()) && both.changed > 0);
     let photograph = trained(0.5, ConstrainedAgainst::Photograph, 1);
     let off = trained(0.0, ConstrainedAgainst::Photograph, 1);
