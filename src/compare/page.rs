@@ -162,7 +162,7 @@ fn plot(name: &str, finished: &[&Finished], number: fn(&Finished) -> f64) -> Str
 /// The colours of a label's circles: line and inside. Beyond the number of colours circles are hollow.
 fn colours(i: usize) -> (&'static str, &'static str) {
     let colour = COLOURS[i % COLOURS.len()];
-    (colour, if (i / COLOURS.len()) % 2 == 0 { colour } else { "#fff" })
+    (colour, if (i / COLOURS.len()).is_multiple_of(2) { colour } else { "#fff" })
 }
 
 /// Lines of labels under a plot, each with as many as it has room for.

@@ -15,6 +15,9 @@ const NOISE: f64 = 0.004;
 /// Standard deviation, in spacings, of the window in which what is lost is averaged.
 const WINDOW: f64 = 1.0;
 
+/// Standard deviation, in spacings, of the window in which variation is averaged: more than a splat's own place, whose
+/// few gradients agree by chance.
+const VARIATION_WINDOW: f64 = 2.0;
 /// Spacings for which variation is computed: 1, 2, 4 and 8 pixels.
 const VARIATION_LEVELS: usize = 4;
 
@@ -62,7 +65,7 @@ pub fn spacing_by_mask(luma: &Plane, mask: &Plane, errors: [f64; 2]) -> Result<P
 }
 
 /// The structure tensor of luma (the xx, xy and yy parts of the mean product of gradients, per squared pixel) at
-/// places, each a pixel and the spacing of splats there: of what such splats show of the luma, over a spacing around.
+/// places, each a pixel and the spacing of splats there: of what such splats show of the luma, over two spacings around.
 /// Flat fields and noise have less than [`variation_floor`].
 pub fn variation(luma: &Plane, places: &[(usize, f64)]) -> Vec<[f64; 3]> {
     let size = (luma.width() as usize, luma.height() as usize);
@@ -78,7 +81,7 @@ pub fn variation(luma: &Plane, places: &[(usize, f64)]) -> Vec<[f64; 3]> {
         let gradients = scharr(&blur::gaussian(values.clone(), size, BLUR * spacing, Border::Reflect), size);
         let parts = [[0, 0], [0, 1], [1, 1]].map(|[a, b]| {
             let products = gradients.iter().map(|gradient| gradient[a] * gradient[b]).collect();
-            blur::gaussian(products, size, WINDOW * spacing, Border::Reflect)
+            blur::gaussian(products, size, VARIATION_WINDOW * spacing, Border::Reflect)
         });
         for i in at {
             found[i] = [0, 1, 2].map(|part| parts[part].get(places[i].0).copied().unwrap_or(0.0));
