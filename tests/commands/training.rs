@@ -13,7 +13,7 @@ use crate::run::{OPTIONS, STEPS, Shared, fails, psrgs, shared, stderr, text, wor
 use crate::{common, train_example};
 
 const KEYS: &str = "method iterations scene train_images test_images width height seed device forms psnr psnr_seen seen psnr_cc ssim \
-                    gmsd psnr_high_frequency psnr_training ssim_training splats bytes seconds seconds_stereo seconds_saliency \
+                    gmsd psnr_high_frequency psnr_training ssim_training splats first_splats bytes seconds seconds_stereo seconds_saliency \
                     seconds_per_iteration peak_device_bytes peak_host_bytes images training_photographs psnr_offpath \
                     depth_median_error depth_within_0_5_percent depth_within_2_percent depth_coverage \
                     depth_median_error_offpath depth_of_median_error depth_of_median_error_offpath depth_points_error depth_points_error_expected floaters_front \
