@@ -172,55 +172,6 @@ fn what_does_not_fit_at_all_is_refused_with_numbers() {
     }
 }
 
-/// Growth fills the memory with splats, which then cover more tiles than there is room for. Those that have grown give
-/// way, and the training ends.
-#[test]
-fn splats_that_have_grown_give_way_to_pairs() {
-    let Some(gpu) = common::gpu() else { return };
-    let mut input = plane_scene::input(3, 256, 192, 400);
-    let mut settings = settings(40);
-    settings.density.densify_until = 20;
-    settings.optimiser.lr_scales = 0.05;
-    input.initial.scales.iter_mut().for_each(|s| *s -= 1.5);
-    let first = input.initial.len() as u32;
-    let tight = Pacing { splat_capacity: 3000, pair_capacity: 8 * 3000, ..Pacing::default() };
-    let limit = plan(&gpu, &input, &settings, tight).at_start.next_multiple_of(1 << 20) + (1 << 19);
-    let Some(gpu) = limited(limit) else { return };
-    let start = Pacing { splat_capacity: 450, pair_capacity: 4000, ..Pacing::default() };
-    let mut trainer = Trainer::new(&gpu, input, &settings, start, None).expect("a training");
-    let (mut warnings, mut dropped, mut pairs, mut steps) = (Vec::new(), 0, 0, 0);
-    while let Some(message) = trainer.next_message().expect("training goes on") {
-        match message {
-            Message::Warning(text) => warnings.push(text),
-            Message::Pruned { dropped: now, splats, .. } => {
-                dropped += now;
-                assert!(splats >= first, "{splats} splats");
-            }
-            Message::Step { pairs: now, splats, loss, .. } => {
-                (pairs, steps) = (pairs.max(now), steps + 1);
-                assert!(splats >= first && loss.is_finite());
-            }
-            _ => {}
-        }
-    }
-    println!("limit {limit}, {dropped} dropped, {pairs} pairs, {warnings:?}");
-    assert!(dropped > 0 && pairs > 8 * 3000, "{dropped} dropped, {pairs} pairs: nothing gave way");
-    assert_eq!(steps, 40);
-    let told: Vec<&String> = warnings.iter().filter(|w| w.contains("pairs")).collect();
-    assert_eq!(told.len(), 1, "{warnings:?}");
-    for word in ["growth stops at", "of the lowest opacity", "`max-device-memory`"] {
-        assert!(told[0].contains(word), "{word}: {}", told[0]);
-    }
-    assert!(gpu.memory_use().peak <= limit, "{} of {limit} bytes", gpu.memory_use().peak);
-    gpu.check_canaries().expect("guards are whole");
-    let model = trainer.model().expect("a model");
-    assert_eq!(model.len() as u32, trainer.splats());
-    let mut ids = model.ids.clone();
-    ids.sort_unstable();
-    ids.dedup();
-    assert_eq!(ids.len(), model.len(), "identities are kept");
-}
-
 /// Splats swell until their pairs no longer fit: the training ends with an error and a state to resume from.
 #[test]
 fn pairs_that_do_not_fit_end_the_training_with_a_checkpoint() {

@@ -13,7 +13,6 @@ mod transfer;
 mod views;
 
 use reports::Reports;
-use resize::GivenWay;
 use views::{Views, has_deep, mean_pixels, most_pixels};
 
 use super::Error;
@@ -92,10 +91,7 @@ pub struct Engine {
     settings: Settings,
     needs: Needs,
     initial_splats: u32,
-    /// Splats that a training begins with.
-    first_splats: u32,
     most_splats: Option<u32>,
-    given_way: Option<GivenWay>,
     viewer: Viewer,
 }
 
@@ -145,7 +141,6 @@ impl Engine {
         let photographs = needs.photographs(gpu, needs.residency)?;
         let mut engine = Self::allocate(gpu, photographs, &needs, variants, splats, pairs)?;
         engine.initial_splats = initial_splats;
-        engine.first_splats = initial_splats.min(input.initial.len() as u32);
         // The limit depends on the first model, so that a resumed training has the same limit.
         let first = input.initial.len() as u32;
         engine.most_splats = needs.most_splats(variants).map(|most| most.max(first).max(initial_splats));
@@ -202,9 +197,7 @@ impl Engine {
             settings: settings.clone(),
             needs: needs.clone(),
             initial_splats: 0,
-            first_splats: 0,
             most_splats: None,
-            given_way: None,
             viewer: Viewer::new(gpu),
         })
     }

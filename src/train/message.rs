@@ -81,8 +81,7 @@ pub enum Message {
         /// Splats after the change.
         splats: u32,
     },
-    /// Splats of little weight, or too large for their surroundings, or without room in memory, were dropped before a
-    /// step.
+    /// Splats of little weight, or too large for their surroundings, were dropped before a step.
     Pruned {
         /// Step.
         step: u32,

@@ -1,9 +1,5 @@
 //! Everything the device holds between two steps.
 
-use crate::pass::counters;
-use crate::raster::PLANES;
-use crate::scene::rows_of;
-
 /// Host copy of the training state. Planes have rows as in [`crate::raster::PLANES`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
@@ -29,21 +25,6 @@ pub struct State {
 }
 
 impl State {
-    /// Keeps these rows of the splats, in this order, where all splats have all harmonics.
-    pub(super) fn keep(&mut self, rows: &[u32]) {
-        for planes in [&mut self.params].into_iter().chain(&mut self.moments) {
-            for (plane, (_, width)) in planes.iter_mut().zip(PLANES) {
-                *plane = rows_of(plane, width as usize, rows);
-            }
-        }
-        self.ids = rows_of(&self.ids, 1, rows);
-        self.stats = rows_of(&self.stats, 4, rows);
-        if !self.scores.is_empty() {
-            self.scores = rows_of(&self.scores, 2, rows);
-        }
-        self.counters[counters::SPLATS] = rows.len() as u32;
-    }
-
     /// Number of splats.
     pub fn splats(&self) -> u32 {
         self.ids.len() as u32

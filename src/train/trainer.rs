@@ -64,8 +64,6 @@ pub struct Trainer {
     told_bad_splats: bool,
     /// Whether the warning that memory limits the splats was given.
     told_full: bool,
-    /// Whether the warning that splats made room for pairs was given.
-    told_pairs: bool,
     started: Instant,
     seconds_before: f64,
     finished: bool,
@@ -142,7 +140,6 @@ impl Trainer {
             last_splats,
             told_bad_splats: false,
             told_full: false,
-            told_pairs: false,
             started,
             seconds_before,
             finished: false,

@@ -95,7 +95,7 @@ fn tell(message: &Message, progress: &mut Progress) {
             counted(*splats, "splat")
         )),
         Message::Pruned { step, dropped, splats } => progress.detail(format_args!(
-            "step {step}: {} dropped for weight, size or memory: {}",
+            "step {step}: {} dropped for weight or size: {}",
             counted(*dropped, "splat"),
             counted(*splats, "splat")
         )),

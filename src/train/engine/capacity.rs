@@ -196,26 +196,6 @@ impl Needs {
         largest(wanted, planned.max(wanted), |splats| self.fits(variants, splats, pairs))
     }
 
-    /// Capacities of splats and pairs that fit together. Pairs are from `wanted` to `planned`. Splats are from `held`
-    /// to `room`, or, if these do not fit, as many as do, but at least `least`.
-    pub(in crate::train) fn giving_way(
-        &self,
-        variants: Variants,
-        [least, held, room]: [u32; 3],
-        [wanted, planned]: [u32; 2],
-    ) -> Option<(u32, u32)> {
-        let planned = planned.max(wanted);
-        if let Some(pairs) = largest(wanted, planned, |pairs| self.fits(variants, held, pairs)) {
-            let splats = largest(held, room, |splats| self.fits(variants, splats, pairs))?;
-            return Some((splats, pairs));
-        }
-        // With pairs to spare, so that splats need not give way again soon.
-        [planned, wanted].into_iter().find_map(|pairs| {
-            let splats = largest(least, held, |splats| self.fits(variants, splats, pairs))?;
-            Some((splats, pairs))
-        })
-    }
-
     fn refusal(&self, what: &'static str, wanted: u32, needed: u64) -> Error {
         let tally = self.gpu.memory_use();
         Error::MemoryLimit {

@@ -1,27 +1,15 @@
-//! Grows buffers that were too small for an event. Where memory has no room for pairs, splats give way.
+//! Grows buffers that were too small for an event.
 
-use super::{Engine, GrownCapacities, density_control, has_deep, mean_pixels};
+use super::{Engine, GrownCapacities, density_control};
 use crate::pass::counters;
-use crate::raster::{OPACITIES, Planes, Renderer, Size, Variants, grown, most_pairs, most_splats};
+use crate::raster::{Renderer, Size, Variants, grown, most_pairs, most_splats};
 use crate::train::Error;
-use crate::train::density::Statistics;
-use crate::train::learning::optimiser::Optimiser;
-use crate::vk::Memory;
-
-/// How splats made room for pairs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::train) struct GivenWay {
-    /// Most splats from now on.
-    pub(in crate::train) most: u32,
-    /// Splats that were dropped.
-    pub(in crate::train) dropped: u32,
-}
 
 impl Engine {
     /// Waits for everything submitted, grows the buffers that were too small, and clears the status. Returns the number
     /// of the last event done, and the new capacities. If more splats do not fit, their buffers do not grow and
-    /// [`Self::most_splats`] is set. If more pairs do not fit, splats give way: see [`Self::give_way`]. After an error
-    /// the training can still be saved: call [`Self::clear_overflow`] first.
+    /// [`Self::most_splats`] is set. After an error the training can still be saved: call [`Self::clear_overflow`]
+    /// first.
     pub fn grow(&mut self) -> Result<(u32, GrownCapacities), Error> {
         let mut words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
         let status = words[counters::STATUS];
@@ -38,10 +26,7 @@ impl Engine {
             }
             let limit = most_pairs(&self.gpu, variants);
             let planned = larger(wanted, size.pairs, limit, "(splat, tile) pairs", "`max-side`")?;
-            size = match self.needs.pairs(variants, size.splats, wanted, planned) {
-                Ok(pairs) => Size { pairs, ..size },
-                Err(refusal) => self.give_way(variants, [wanted, planned], &mut words)?.ok_or(refusal)?,
-            };
+            size.pairs = self.needs.pairs(variants, size.splats, wanted, planned)?;
             grown.push(("pairs", u64::from(size.pairs)));
         }
         if status & counters::SPLATS_BIT != 0 {
@@ -75,65 +60,6 @@ impl Engine {
             }
         }
         Ok(self.size.splats)
-    }
-
-    /// Makes room for pairs, from the first number to the second: gives up room for splats that are not there, then
-    /// drops those of the lowest opacity, but no more than have grown. Growth stops there. `None` if that does not do.
-    fn give_way(&mut self, variants: Variants, pairs: [u32; 2], words: &mut Vec<u32>) -> Result<Option<Size>, Error> {
-        let held = words[counters::SPLATS].max(1);
-        let grows = !self.settings.density.no_densify;
-        let least = if grows { held.min(self.first_splats.max(1)) } else { held };
-        // Rows with all harmonics are a share of the capacity: they may need all of it.
-        if self.has_plain_splats() {
-            return Ok(None);
-        }
-        let Some((splats, pairs)) = self.needs.giving_way(variants, [least, held, self.size.splats], pairs) else {
-            return Ok(None);
-        };
-        let size = Size { splats, pairs, ..self.size };
-        let dropped = self.shrink(variants, size, words)?;
-        let before = self.given_way.map_or(0, |before| before.dropped);
-        self.most_splats = Some(splats);
-        self.given_way = Some(GivenWay { most: splats, dropped: before + dropped });
-        Ok(Some(size))
-    }
-
-    /// Reduces the capacity of splats, and keeps those of the highest opacity. Returns how many were dropped.
-    fn shrink(&mut self, variants: Variants, size: Size, words: &mut Vec<u32>) -> Result<u32, Error> {
-        let mut state = self.state()?;
-        let dropped = state.splats().saturating_sub(size.splats);
-        if dropped > 0 {
-            let logits = &state.params[OPACITIES];
-            let mut rows: Vec<u32> = (0..state.splats()).collect();
-            rows.sort_by(|&a, &b| logits[b as usize].total_cmp(&logits[a as usize]));
-            rows.truncate(size.splats as usize);
-            rows.sort_unstable();
-            state.keep(&rows);
-        }
-        state.counters[counters::STATUS] = 0;
-        let (gpu, settings, deep) = (self.gpu.clone(), self.settings.clone(), has_deep(&self.needs.views));
-        let (extent, pixels) = (self.needs.extent, mean_pixels(&self.views.cameras));
-        // The old buffers are freed before the new ones are allocated.
-        for splats in [1, size.splats] {
-            self.density = density_control(&gpu, splats, &self.needs)?;
-            self.terms.resize(&gpu, splats)?;
-            self.model = Planes::limited(&gpu, "", splats, settings.model.sh_share)?;
-            self.optimiser = Optimiser::new(&gpu, splats, extent, pixels, &settings)?;
-            self.ids = gpu.buffer("ids", 4 * u64::from(splats), Memory::Device)?;
-            self.statistics = Statistics::new(&gpu, splats, deep, &settings)?;
-            if splats < size.splats {
-                self.rebuild(variants, Size { splats, pairs: 1, tiles: 1, ..size }, &state.counters)?;
-            }
-        }
-        self.rebuild(variants, size, &state.counters)?;
-        self.restore_splats(&state)?;
-        words.clone_from(&state.counters);
-        Ok(dropped)
-    }
-
-    /// How splats made room for pairs since this was asked last.
-    pub(in crate::train) fn take_given_way(&mut self) -> Option<GivenWay> {
-        self.given_way.take()
     }
 
     fn resize(&mut self, variants: Variants, size: Size, words: &[u32]) -> Result<(), Error> {

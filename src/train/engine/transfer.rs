@@ -44,15 +44,6 @@ impl Engine {
     }
 
     pub(super) fn restore(&mut self, state: &State) -> Result<(), Error> {
-        self.restore_splats(state)?;
-        if let Some(exposures) = &self.exposures {
-            exposures.restore(&self.gpu, &state.exposures)?;
-        }
-        self.terms.restore(&self.gpu, state)
-    }
-
-    /// Writes the splats with their moments and statistics, and the counters.
-    pub(super) fn restore_splats(&mut self, state: &State) -> Result<(), Error> {
         if self.has_plain_splats() {
             let mut recorder = self.gpu.recorder("restore")?;
             self.model.clear_upper(&mut recorder)?;
@@ -65,6 +56,10 @@ impl Engine {
             self.gpu.write(&self.ids, &state.ids)?;
         }
         self.statistics.restore(&self.gpu, &state.stats, &state.scores)?;
+        if let Some(exposures) = &self.exposures {
+            exposures.restore(&self.gpu, &state.exposures)?;
+        }
+        self.terms.restore(&self.gpu, state)?;
         self.gpu.write(&self.renderer.counters, &state.counters)?;
         Ok(())
     }

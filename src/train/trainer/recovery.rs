@@ -15,32 +15,9 @@ impl Trainer {
             Err(error) => return Err(self.saved_before(error)),
         };
         self.next = Event::after(done, &self.schedule);
-        self.tell_what_gave_way()?;
         for (what, capacity) in grown {
             self.tell(Message::Grown { what, capacity, replay_from: self.next.step });
         }
-        Ok(())
-    }
-
-    /// Tells that splats made room for pairs: why growth stops once, and how many were dropped each time.
-    fn tell_what_gave_way(&mut self) -> Result<(), Error> {
-        let Some(given) = self.engine.take_given_way() else { return Ok(()) };
-        let (step, splats) = (self.next.step, self.engine.splats()?);
-        if !std::mem::replace(&mut self.told_pairs, true) {
-            let dropped = match given.dropped {
-                0 => String::new(),
-                n => format!(", and {} of the lowest opacity are dropped", counted(n, "splat")),
-            };
-            self.tell(Message::Warning(format!(
-                "step {step}: growth stops at {}{dropped}, because the device memory that may be used has room for no \
-                 more beside the (splat, tile) pairs of a photograph; raise `max-device-memory`, or lower `max-side`",
-                counted(given.most, "splat")
-            )));
-        }
-        if given.dropped > 0 {
-            self.tell(Message::Pruned { step, dropped: given.dropped, splats });
-        }
-        (self.told_full, self.last_splats) = (true, splats);
         Ok(())
     }
 
