@@ -473,7 +473,7 @@ fn looks_at_all_photographs_take_a_step_for_each_band() {
 }
 
 #[test]
-fn relocations_are_as_published_and_stand_for_more_in_fewer_steps() {
+fn relocations_are_as_published_and_for_more_in_fewer_steps() {
     let mcmc = |iterations: u32| {
         let mut s = Settings::of_method(Method::Mcmc);
         (s.run.iterations, s.run.scale_schedule) = (iterations, iterations < 30_000);

@@ -133,7 +133,7 @@ fn mcmc_improves_its_first_model() {
 }
 
 #[test]
-fn noise_moves_faint_splats_and_another_seed_moves_them_elsewhere() {
+fn noise_moves_faint_splats_and_otherwise_by_another_seed() {
     let Some(gpu) = gpu() else { return };
     let of = |change: fn(&mut Settings)| {
         let mut s = still(10);
