@@ -132,8 +132,7 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
         Some(error) => Some(error.into()),
         None => decoded.look_at(&mut dataset, &settings),
     };
-    let sizes: Vec<_> = dataset.views_of(Role::Train).map(|(_, v)| (v.camera.width, v.camera.height)).collect();
-    let steps = settings.choose_steps(&sizes, presets::kind(&settings)?);
+    let steps = settings.choose_steps(dataset.views_of(Role::Train).count(), presets::kind(&settings)?);
     let mut found = Report { steps, ..found(&dataset, &settings, decoded) };
     if missing.is_none() {
         match training::plan(&dataset, &settings, &mut found.problems, console) {

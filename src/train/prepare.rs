@@ -244,14 +244,20 @@ pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare)
     })
 }
 
-/// Limits the splats to `growth-room` times the first ones if there is no other limit, and returns the limit. The limit
-/// is written into the settings, so a resumed run has it too.
+/// Pixels of training photographs for which one splat is allowed however few the first splats are.
+const PIXELS_PER_SPLAT: f64 = 512.0;
+
+/// Limits the splats to `growth-room` times the first ones if there is no other limit, and returns the limit. Few first
+/// splats, as where stereo finds nothing, may grow to one for every [`PIXELS_PER_SPLAT`] in any case. The limit is
+/// written into the settings, so a resumed run has it too.
 pub fn limit_growth(input: &Input, settings: &mut Settings) -> Option<u32> {
     let density = &mut settings.density;
     if density.no_densify || density.growth_room == 0.0 || density.max_splats.is_some() {
         return None;
     }
-    let most = (density.growth_room * input.initial.len() as f64).ceil().clamp(1.0, f64::from(u32::MAX)) as u32;
+    let pixels: f64 = input.train.iter().map(|v| f64::from(v.camera.width) * f64::from(v.camera.height)).sum();
+    let most = (density.growth_room * input.initial.len() as f64).max(pixels / PIXELS_PER_SPLAT);
+    let most = most.ceil().clamp(1.0, f64::from(u32::MAX)) as u32;
     density.max_splats = Some(most);
     Some(most)
 }

@@ -41,8 +41,9 @@ group! {
         /// with
         #[arg(value_name = "METHOD", help_heading = MOST_USED, display_order = 3)]
         pub method: Method = Method::Reference3dgs,
-        /// Take N training steps; a step looks at one photograph. More show finer texture. Without N and --preset
-        /// lean, psrgs and psrgs-paper take as many as the photographs need: 2000 to 30000, on a CPU 2000
+        /// Take N training steps; a step looks at one photograph. More show finer texture. Where neither N nor
+        /// a preset is named, the methods lean, psrgs and psrgs-paper take as many as the photographs need: 2000 to
+        /// 30000, on a CPU 2000
         #[arg(value_name = "N", help_heading = MOST_USED, display_order = 5)]
         pub iterations: u32 = 30_000; Range::COUNT,
         /// Seed every random choice with S; another seed gives another model of the same quality

@@ -60,18 +60,17 @@ fn splats_along_edges_keep_places_and_areas() {
     let Some(gpu) = common::gpu() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let dataset = world(folder.path(), 96);
-    let begun = |axes: f64, density: f64| {
+    let begun = |axes: f64| {
         let mut settings = train::Settings::default();
         settings.geometry.start = Start::Stereo;
         settings.geometry.stereo_side = 48;
         settings.geometry.stereo_splats = 200;
         settings.geometry.stereo_thickness = 0.25;
         settings.geometry.stereo_axes = axes;
-        settings.geometry.stereo_width_density = density;
         let (report, input) = found(&gpu, &dataset, &settings, true);
         (input.initial.len() - report.splats, input.initial)
     };
-    let ((points, round), (_, long), (_, even)) = (begun(0.0, 0.0), begun(1.0, 0.0), begun(0.0, 1.0));
+    let ((points, round), (_, long)) = (begun(0.0), begun(1.0));
     assert_eq!((&long.means, &long.scales[..3 * points]), (&round.means, &round.scales[..3 * points]));
     let rows = |splats: &Gaussians| -> Vec<[f32; 3]> {
         splats.scales.chunks_exact(3).skip(points).map(|s| [s[0], s[1], s[2]]).collect()
@@ -83,10 +82,6 @@ fn splats_along_edges_keep_places_and_areas() {
         narrow += usize::from(now[1] - now[0] < 0.7_f32.ln());
     }
     assert!(narrow > 20, "{narrow}");
-    // Half of the splats become wider, half narrower, and all stay round.
-    let wider = rows(&even).iter().zip(rows(&round)).filter(|(now, before)| now[0] > before[0]).count();
-    assert!(wider.abs_diff(rows(&round).len() / 2) <= 2, "{wider}");
-    assert!(rows(&even).iter().all(|now| now[0] == now[1]));
 }
 
 #[test]

@@ -3,7 +3,9 @@
 
 use psrgs_vk::scene::init::SH_C0;
 use psrgs_vk::stereo::Prior;
-use psrgs_vk::train::settings::{ConstrainedAgainst, DepthPrior, Gate, Growth, LidarCloud, Method, SigmaLearning};
+use psrgs_vk::train::settings::{
+    ConstrainedAgainst, DepthPrior, Gate, Growth, LidarCloud, Method, SigmaLearning, Start,
+};
 use psrgs_vk::train::{Input, Pacing, Settings, View, prepare};
 
 use super::common::{gpu, plane_scene};
@@ -94,7 +96,12 @@ fn growth_is_limited_by_the_first_splats() {
     };
     let of_room = |room: f64| limited(&|settings| settings.density.growth_room = room);
     assert_eq!(of_room(2.5), (Some(75), Some(75)), "a resumed run has the limit in its settings");
+    assert_eq!(of_room(0.1), (Some(24), Some(24)), "4 photographs of 64 x 48 pixels, 512 for a splat");
     assert_eq!(of_room(0.0), (None, None));
+    let mut without_surfaces = Settings::default();
+    without_surfaces.geometry.start = Start::Sfm;
+    Method::Psrgs.apply(&mut without_surfaces, |key| key == "start");
+    assert_eq!(prepare::limit_growth(&input, &mut without_surfaces), None, "sparse points have to grow");
     assert_eq!(limited(&|settings| settings.density.max_splats = Some(7)), (None, Some(7)), "the user's own");
     assert_eq!(limited(&|settings| settings.density.no_densify = true), (None, None));
 }

@@ -150,8 +150,7 @@ impl Setup {
         if self.restart.is_some() {
             return;
         }
-        let sizes: Vec<(u32, u32)> = self.input.train.iter().map(|v| (v.camera.width, v.camera.height)).collect();
-        if let Some(chosen) = self.settings.choose_steps(&sizes, gpu.caps().kind) {
+        if let Some(chosen) = self.settings.choose_steps(self.input.train.len(), gpu.caps().kind) {
             tell(SetupEvent::StepsChosen(&chosen));
         }
     }

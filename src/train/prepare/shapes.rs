@@ -1,11 +1,11 @@
-//! Widths and axes of the splats that begin on surfaces.
+//! Axes of the splats that begin on surfaces.
 
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::spacing::Chosen;
 use crate::saliency::{self, Plane};
-use crate::scene::{Camera, Gaussians};
+use crate::scene::Camera;
 use crate::stereo::StereoView;
 use crate::train::Error;
 
@@ -21,8 +21,6 @@ const GRAZING: f64 = 0.25;
 /// What the photograph says of the shape of a splat on a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
-    /// From one splat to the next on the surface, in scene units.
-    pub(super) width: f64,
     /// Unit direction on the surface along which the photograph varies least.
     pub(super) along: [f32; 3],
     /// Wavelength across that direction over the wavelength along it: from [`LEAST_RATIO`] to 1.
@@ -47,7 +45,7 @@ pub(super) fn shapes(views: &[StereoView], chosen: &[Chosen<'_>]) -> Result<Vec<
         Ok(indices.iter().zip(tensors).map(|(&i, tensor)| (i, shape(&view.camera, &chosen[i], tensor))).collect())
     };
     let found: Vec<_> = views.par_iter().zip(&of_views).map(of_view).collect::<Result<_, _>>()?;
-    let mut shapes = vec![Shape { width: 1.0, along: [1.0, 0.0, 0.0], ratio: 1.0 }; chosen.len()];
+    let mut shapes = vec![Shape { along: [1.0, 0.0, 0.0], ratio: 1.0 }; chosen.len()];
     found.into_iter().flatten().for_each(|(i, shape)| shapes[i] = shape);
     Ok(shapes)
 }
@@ -55,13 +53,11 @@ pub(super) fn shapes(views: &[StereoView], chosen: &[Chosen<'_>]) -> Result<Vec<
 fn shape(camera: &Camera, chosen: &Chosen<'_>, [xx, xy, yy]: [f64; 3]) -> Shape {
     let normal = DVec3::from_array(chosen.point.normal.map(f64::from));
     let first = normal.any_orthonormal_vector();
-    let round = |pixel: f64| Shape { width: chosen.spacing * pixel, along: first.as_vec3().to_array(), ratio: 1.0 };
+    let round = Shape { along: first.as_vec3().to_array(), ratio: 1.0 };
     let offset = DVec3::from_array(chosen.point.position) - DVec3::from_array(camera.center());
-    let forward = DVec3::from_array(camera.rotation[2]);
-    let pixel = offset.dot(forward).abs() / (camera.fx * camera.fy).sqrt();
     let second = normal.cross(first);
     let Some(steps) = steps_of_a_pixel(camera, offset, normal) else {
-        return round(pixel / GRAZING.sqrt());
+        return round;
     };
     // Gradients on the surface, per scene unit, are those of the photograph times the inverse transpose of this.
     let pixels = DMat2::from_cols(
@@ -77,13 +73,13 @@ fn shape(camera: &Camera, chosen: &Chosen<'_>, [xx, xy, yy]: [f64; 3]) -> Shape 
     let coherence = half / (mean + floor);
     let coherence = ((coherence * coherence - CHANCE) / (1.0 - CHANCE)).clamp(0.0, 1.0).sqrt();
     if coherence.is_nan() || coherence == 0.0 {
-        return round(pixel);
+        return round;
     }
     let ratio = ((1.0 - coherence) / (1.0 + coherence)).sqrt();
     // The direction of largest variation is at this angle, and that of the least across it.
     let angle = 0.5 * (2.0 * b).atan2(a - c);
     let along = second * angle.cos() - first * angle.sin();
-    Shape { ratio: ratio.max(LEAST_RATIO), along: along.as_vec3().to_array(), ..round(pixel) }
+    Shape { ratio: ratio.max(LEAST_RATIO), along: along.as_vec3().to_array() }
 }
 
 /// The steps on a surface from a pixel to the next along x and along y; `offset` is that of a point of the surface from
@@ -95,22 +91,6 @@ fn steps_of_a_pixel(camera: &Camera, offset: DVec3, normal: DVec3) -> Option<[DV
     // The ray of the next pixel, up to where it meets the surface.
     let step = |aside: DVec3, focal: f64| (aside - offset * (aside.dot(normal) / towards)) * (depth / focal);
     seen.then(|| [step(right, camera.fx), step(down, camera.fy)])
-}
-
-/// Moves the widths of Gaussians from `first` on from those that distances to neighbours gave them, towards those of
-/// their shapes, by a share of the way in logarithms. The median of all widths stays.
-pub(super) fn widen_by_density(gaussians: &mut Gaussians, first: usize, shapes: &[Shape], share: f64) {
-    let ratios = |gaussians: &Gaussians| -> Vec<f64> {
-        let now = gaussians.scales.chunks_exact(3).skip(first).map(|scale| f64::from(scale[0]));
-        shapes.iter().zip(now).map(|(shape, now)| shape.width.ln() - now).collect()
-    };
-    let moves = ratios(gaussians);
-    let mut sorted = moves.clone();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-    for (scale, by) in gaussians.scales.chunks_exact_mut(3).skip(first).zip(moves) {
-        scale.iter_mut().for_each(|s| *s += (share * (by - median)) as f32);
-    }
 }
 
 #[cfg(test)]
@@ -137,7 +117,7 @@ mod tests {
 
     /// The mean shape of splats around the middle of a picture of the plane z = 0 with a luma, and the mean direction,
     /// as cosine and sine of twice its angle from x towards y.
-    fn seen(degrees: f64, luma: impl Fn(f64, f64) -> f64) -> ([f64; 2], [f64; 2]) {
+    fn seen(degrees: f64, luma: impl Fn(f64, f64) -> f64) -> (f64, [f64; 2]) {
         let camera = camera(degrees);
         let centre = DVec3::from_array(camera.center());
         let on_plane = |pixel: u32| {
@@ -173,7 +153,7 @@ mod tests {
                 [x * x - y * y, 2.0 * x * y][k]
             })
         };
-        ([mean(&|s| s.ratio), mean(&|s| s.width)], [doubled(0), doubled(1)])
+        (mean(&|s| s.ratio), [doubled(0), doubled(1)])
     }
 
     #[test]
@@ -182,7 +162,7 @@ mod tests {
             let (sin, cos) = f64::to_radians(stripes).sin_cos();
             // Across stripes at an angle from the x axis, 12 pixels of a camera above them each.
             let wave = |x: f64, y: f64| 0.5 + 0.2 * ((x * sin - y * cos) * std::f64::consts::TAU / 0.125).sin();
-            let ([ratio, _], doubled) = seen(view, wave);
+            let (ratio, doubled) = seen(view, wave);
             let want = [f64::cos(2.0 * stripes.to_radians()), f64::sin(2.0 * stripes.to_radians())];
             let agree = doubled[0] * want[0] + doubled[1] * want[1];
             assert!(agree > 0.995, "stripes at {stripes} from {view}: {doubled:?}");
@@ -194,29 +174,14 @@ mod tests {
     fn flat_fields_and_checkerboards_have_round_splats() {
         let wave = |x: f64| (x * std::f64::consts::TAU / 0.125).sin();
         for view in [0.0, 40.0] {
-            let ([flat, _], _) = seen(view, |_, _| 0.5);
+            let (flat, _) = seen(view, |_, _| 0.5);
             assert!(flat > 0.999, "from {view}: {flat}");
-            let ([board, _], _) = seen(view, |x, y| 0.5 + 0.2 * wave(x) * wave(y));
-            let ([waves, _], _) = seen(view, |x, y| 0.5 + 0.1 * (wave(x) + wave(y)));
+            let (board, _) = seen(view, |x, y| 0.5 + 0.2 * wave(x) * wave(y));
+            let (waves, _) = seen(view, |x, y| 0.5 + 0.1 * (wave(x) + wave(y)));
             assert!(board > 0.6 && waves > 0.6, "from {view}: {board} {waves}");
         }
         // A third as wide as long, along y; the blur by splats takes more of the shorter wave, and chance its part.
-        let ([longer, _], [doubled, _]) = seen(0.0, |x, y| 0.5 + 0.1 * (wave(x) + wave(y / 3.0)));
+        let (longer, [doubled, _]) = seen(0.0, |x, y| 0.5 + 0.1 * (wave(x) + wave(y / 3.0)));
         assert!((0.33..0.5).contains(&longer) && doubled < -0.9, "{longer} {doubled}");
-    }
-
-    #[test]
-    fn widths_go_by_the_density_in_the_photograph() {
-        let ([_, straight], _) = seen(0.0, |_, _| 0.5);
-        assert!((straight / (2.0 * 2.0 / 192.0) - 1.0).abs() < 0.01, "{straight}");
-        let ([_, tilted], _) = seen(60.0, |_, _| 0.5);
-        assert!((tilted / straight / 2.0_f64.sqrt() - 1.0).abs() < 0.02, "a pixel shows twice the area: {tilted}");
-
-        let width = |width: f64| Shape { width, along: [1.0, 0.0, 0.0], ratio: 1.0 };
-        let mut out = Gaussians::zeros(4);
-        widen_by_density(&mut out, 1, &[width(0.5), width(1.0), width(8.0)], 0.5);
-        let widths: Vec<f32> = out.scales.iter().map(|s| s.exp()).collect();
-        let want = [1.0, 0.5_f32.sqrt(), 1.0, 8.0_f32.sqrt()].map(|w| [w; 3]).concat();
-        assert!(widths.iter().zip(&want).all(|(got, want)| (got - want).abs() < 1e-5), "{widths:?}");
     }
 }

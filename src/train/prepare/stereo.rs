@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::shapes::{Shape, shapes, widen_by_density};
+use super::shapes::{Shape, shapes};
 use super::spacing::{Chosen, Densities, leave_out_texture};
 use super::spread;
 use super::stereo_cost::stereo_settings;
@@ -96,7 +96,7 @@ pub fn compute_stereo_priors(
         let fused = stereo.fused(settings, &wanted);
         if starts {
             let chosen = chosen_on_surfaces(gpu, input, training, stereo, &fused)?;
-            let shapes = match settings.stereo_axes > 0.0 || settings.stereo_width_density > 0.0 {
+            let shapes = match settings.stereo_axes > 0.0 {
                 true => shapes(&stereo.scene.views, &chosen)?,
                 false => Vec::new(),
             };
@@ -346,9 +346,6 @@ fn begin_on(
     input.initial = init::from_points(&reconstructed.chain(found).collect::<Vec<_>>(), &dataset.frame)?;
     let normals: Vec<[f32; 3]> = chosen.iter().map(|c| c.point.normal).collect();
     let geometry = &settings.geometry;
-    if geometry.stereo_width_density > 0.0 {
-        widen_by_density(&mut input.initial, kept.len(), shapes, geometry.stereo_width_density);
-    }
     init::lay_flat(&mut input.initial, kept.len(), &normals, geometry.stereo_thickness);
     if geometry.stereo_axes > 0.0 {
         let along = |shape: &Shape| (shape.along, shape.ratio.powf(geometry.stereo_axes));

@@ -76,7 +76,6 @@ impl Settings {
             s.geometry.stereo_splats = plain.geometry.stereo_splats;
             s.geometry.stereo_spacing = plain.geometry.stereo_spacing;
             s.geometry.stereo_width = plain.geometry.stereo_width;
-            s.geometry.stereo_width_density = plain.geometry.stereo_width_density;
             s.geometry.stereo_axes = plain.geometry.stereo_axes;
             s.geometry.stereo_thickness = plain.geometry.stereo_thickness;
             s.geometry.stereo_opacity = plain.geometry.stereo_opacity;

@@ -86,7 +86,8 @@ group! {
         /// Share of the scene's extent above which splats are pruned once opacities have been reset (0: keep splats of
         /// any size)
         pub prune_extent: f64 = 0.1; Range::new("a positive number, or 0 to keep splats of any size", |v| v >= 0.0),
-        /// Most splats where max-splats is not set, as a multiple of the first ones (0: no limit)
+        /// Most splats where max-splats is not set, as a multiple of the first ones; one for every 512 pixels of the
+        /// photographs is allowed in any case (0: no limit)
         pub growth_room: f64 = 0.0; Range::WEIGHT,
         /// Share of the scene's extent from the cloud of lidar beyond which splats do not grow
         pub lidar_distance: f64 = 0.02; Range::THRESHOLD,

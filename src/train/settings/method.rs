@@ -219,8 +219,6 @@ fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "start" geometry.start = Start::Stereo,
         "exposure" optimiser.exposure = Exposure::Auto,
         "housekeeping" density.housekeeping = Housekeeping::Lean,
-        // Photographs that agree on few surfaces would be fitted one by one.
-        "growth-room" density.growth_room = 4.0,
         // Texture, which SSIM sees, counts more than in publications, and its larger gradients take larger thresholds.
         "lambda-dssim" optimiser.lambda_dssim = 0.3,
         "grad-threshold" density.grad_threshold = 1.2e-3,
@@ -234,6 +232,8 @@ fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
             "stereo-thickness" geometry.stereo_thickness = 0.2,
             "stereo-opacity" geometry.stereo_opacity = 0.3,
             "stereo-alone" geometry.stereo_alone = 3,
+            // Photographs that agree on few surfaces would be fitted one by one.
+            "growth-room" density.growth_room = 4.0,
         );
     }
 }

@@ -23,20 +23,15 @@ const FULL_SIDE: u32 = 1 << 16;
 /// Steps of [`Preset::Quick`], and the most that are chosen by need on a CPU.
 const QUICK_STEPS: u32 = 2000;
 
-/// Looks at each photograph that a model needs ...
+/// Looks at each photograph that a model needs.
 pub(super) const LOOKS: u32 = 150;
-/// ... of 320 x 240 pixels. Larger photographs need more by this power of their pixels.
-const LOOKS_BY_PIXELS: f64 = 0.0;
 /// Fewest and most steps by need.
 const BY_NEED: (u32, u32) = (2000, 30_000);
 
-/// The steps that come to `looks` at each photograph, for photographs of these widths and heights.
-fn needed(looks: u32, photographs: &[(u32, u32)]) -> u32 {
-    let pixels: f64 = photographs.iter().map(|&(width, height)| f64::from(width) * f64::from(height)).sum();
-    let number = photographs.len() as f64;
-    let factor = (pixels / number.max(1.0) / (320.0 * 240.0)).powf(LOOKS_BY_PIXELS);
-    let steps = (f64::from(looks) * factor * number).round().min(f64::from(u32::MAX)) as u32;
-    steps.clamp(BY_NEED.0, BY_NEED.1)
+/// The steps that come to `looks` at each photograph.
+fn needed(looks: u32, photographs: usize) -> u32 {
+    let steps = u64::from(looks).saturating_mul(photographs as u64);
+    steps.clamp(BY_NEED.0.into(), BY_NEED.1.into()) as u32
 }
 
 /// A number of steps that was chosen by what there is to look at.
@@ -68,9 +63,9 @@ impl fmt::Display for StepsByNeed {
 impl Settings {
     /// Chooses the number of steps where `looks` leaves that to the photographs: sets `iterations`, scales the schedule
     /// and unsets `looks`, so that the settings name the steps from then on. [`crate::train::prepare::Setup`] calls
-    /// this; call it yourself where the training is prepared in another way. `photographs` are widths and heights of
-    /// those to train on.
-    pub fn choose_steps(&mut self, photographs: &[(u32, u32)], device: DeviceKind) -> Option<StepsByNeed> {
+    /// this; call it yourself where the training is prepared in another way. `photographs` is the number of those to
+    /// train on.
+    pub fn choose_steps(&mut self, photographs: usize, device: DeviceKind) -> Option<StepsByNeed> {
         let looks = self.run.looks.take()?;
         let needed = needed(looks.saturating_mul(self.run.bands), photographs);
         let allowed = self.run.iterations;
@@ -78,7 +73,7 @@ impl Settings {
         let steps = needed.min(if spares_cpu { QUICK_STEPS } else { allowed });
         self.run.iterations = steps;
         self.run.scale_schedule |= steps < Run::default().iterations;
-        Some(StepsByNeed { steps, needed, photographs: photographs.len(), spares_cpu })
+        Some(StepsByNeed { steps, needed, photographs, spares_cpu })
     }
 }
 
@@ -174,12 +169,12 @@ mod tests {
     fn steps(looks: u32, photographs: usize, iterations: u32, device: DeviceKind) -> (u32, String) {
         let mut settings = Settings::default();
         (settings.run.looks, settings.run.iterations) = (Some(looks), iterations);
-        let chosen = settings.choose_steps(&vec![(320, 240); photographs], device).unwrap();
+        let chosen = settings.choose_steps(photographs, device).unwrap();
         assert_eq!((settings.run.iterations, settings.run.looks), (chosen.steps, None));
         assert_eq!(settings.run.scale_schedule, chosen.steps < 30_000);
         // What was chosen stays, also with more photographs.
         let before = settings.clone();
-        assert_eq!(settings.choose_steps(&[(320, 240); 500], device), None);
+        assert_eq!(settings.choose_steps(500, device), None);
         assert_eq!(settings, before);
         (chosen.steps, chosen.to_string())
     }
@@ -215,7 +210,7 @@ mod tests {
     fn a_look_at_bands_takes_several_steps() {
         let mut settings = Settings::default();
         (settings.run.looks, settings.run.bands) = (Some(100), 3);
-        assert_eq!(settings.choose_steps(&[(64, 48); 10], DeviceKind::Other).unwrap().steps, 3000);
+        assert_eq!(settings.choose_steps(10, DeviceKind::Other).unwrap().steps, 3000);
     }
 
     #[test]

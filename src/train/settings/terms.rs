@@ -59,9 +59,6 @@ group! {
         /// Width of the splats of stereo, as a share of the root mean square of the distances to the three nearest
         /// splats
         pub stereo_width: f64 = 1.0; Range::POSITIVE,
-        /// How far the width of a splat of stereo follows the density of points around it in its photograph, rather than
-        /// the distances to its nearest splats, which are smaller beside a denser region (0: not at all; 1: alone)
-        pub stereo_width_density: f64 = 0.0; Range::SHARE,
         /// How far splats of stereo are long along edges and stripes of the photograph and narrow across them (0: round;
         /// 1: as the wavelengths along and across, up to 3 to 1)
         pub stereo_axes: f64 = 0.0; Range::SHARE,
