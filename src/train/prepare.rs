@@ -248,7 +248,7 @@ pub fn input_within(dataset: &Dataset, initial: Gaussians, mut share: HostShare)
 const PIXELS_PER_SPLAT: f64 = 512.0;
 
 /// Limits the splats to `growth-room` times the first ones if there is no other limit, and returns the limit. Few first
-/// splats, as where stereo finds nothing, may grow to one for every [`PIXELS_PER_SPLAT`] in any case. The limit is
+/// splats, as where stereo finds nothing, may grow to one for every `PIXELS_PER_SPLAT` in any case. The limit is
 /// written into the settings, so a resumed run has it too.
 pub fn limit_growth(input: &Input, settings: &mut Settings) -> Option<u32> {
     let density = &mut settings.density;
