@@ -40,11 +40,12 @@ struct Sums {
     vec2 abs_mean;
 };
 
-void blend_back(inout Pixel pixel, inout Sums sums, Splat s, float along, float dy, uint place) {
+// `depth` is the splat's where dy is 0.
+void blend_back(inout Pixel pixel, inout Sums sums, Splat s, float along, float depth, float dy, uint place) {
     const bool reached = place <= pixel.last;
     const vec2 roots = conic_roots(along, s.q, s.r, dy);
-    const Share share =
-        step_back(pixel.transmittance, pixel.behind, pixel.grad, pixel.grad_aux, s, exponent(roots), reached);
+    const Share share = step_back(pixel.transmittance, pixel.behind, pixel.grad, pixel.grad_aux, s, exponent(roots),
+                                  depth + s.slope.y * dy, reached);
     const float v_dy = share.v * dy;
     sums.v += vec3(share.v, v_dy, v_dy * dy);
     sums.colour += share.weight * pixel.grad;
@@ -127,11 +128,12 @@ void main() {
                 const uint place = left - k;
                 const float dx = center.x - s.x;
                 precise float along = s.p * dx;
+                const float depth = s.depth + s.slope.x * dx;
                 precise float dy0 = center.y - s.y;
                 Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
                 [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
                     precise float dy = dy0 + float(j);
-                    blend_back(pixels[j], sums, s, along, dy, place);
+                    blend_back(pixels[j], sums, s, along, depth, dy, place);
                 }
                 float mean_x, mean_y;
                 vec3 conic;
@@ -255,7 +257,7 @@ bool blend_splat(inout Pixel pixel, uint k, uint row, vec2 center, uint place) {
     const float dx = center.x - s.x;
     precise float along = s.p * dx;
     Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
-    blend_back(pixel, sums, s, along, center.y - s.y, place);
+    blend_back(pixel, sums, s, along, s.depth + s.slope.x * dx, center.y - s.y, place);
 #ifdef APART
     if (!subgroup_any(sums.v.x != 0.0 || sums.colour != vec3(0.0) || sums.aux != vec4(0.0))) return false;
 #endif

@@ -31,7 +31,8 @@ Splat load_splat(uint i) {
     const vec4 q = LOAD4(splat2d, 3u * i + 1u);
     const vec4 colour = LOAD4(splat2d, 3u * i + 2u);
     const vec3 factor = conic_factor(p.z, p.w, q.w);
-    return Splat(p.x, p.y, factor.x, factor.y, factor.z, q.y, q.z, colour.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
+    const vec4 normal = AUX != 0u ? LOAD4(normals, i) : vec4(0.0);
+    return Splat(p.x, p.y, factor.x, factor.y, factor.z, q.y, q.z, colour.rgb, normal.xyz, vec2(colour.w, normal.w));
 }
 
 // State of a pixel in the loop over the list. A stopped pixel keeps its transmittance with a minus sign.
@@ -45,14 +46,14 @@ struct Pixel {
 uint evaluated = 0u;
 uint blended = 0u;
 
-// The weight. Branch-free: a stopped pixel and a skipped splat both give 0.
-float blend(inout Pixel pixel, Splat s, float along, float dy, uint place) {
+// The weight. Branch-free: a stopped pixel and a skipped splat both give 0. `depth` is the splat's where dy is 0.
+float blend(inout Pixel pixel, Splat s, float along, float depth, float dy, uint place) {
     const float alpha = min(unclamped_alpha(exponent(conic_roots(along, s.q, s.r, dy)), s.opacity), ALPHA_MAX);
     const float next = attenuate(pixel.transmittance, alpha);
     const bool goes_on = next >= TRANSMITTANCE_MIN;
     const float weight = mix(0.0, alpha * pixel.transmittance, goes_on);
     pixel.colour += weight * s.colour;
-    if (AUX != 0u) pixel.aux += weight * vec4(s.depth, s.normal);
+    if (AUX != 0u) pixel.aux += weight * vec4(depth + s.slope.y * dy, s.normal);
     pixel.last = mix(pixel.last, place, weight > 0.0);
     if (COUNT != 0u) {
         evaluated += uint(all(greaterThan(vec2(pixel.transmittance, s.opacity), vec2(0.0))));
@@ -119,11 +120,12 @@ void main() {
                     const Splat s = shuffled(mine, k);
                     const float dx = center.x - s.x;
                     precise float along = s.p * dx;
+                    const float depth = s.depth + s.slope.x * dx;
                     precise float dy0 = center.y - s.y;
                     float weight = 0.0;
                     [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
                         precise float dy = dy0 + float(j);
-                        weight = max(weight, blend(pixels[j], s, along, dy, base - range.x + k + 1u));
+                        weight = max(weight, blend(pixels[j], s, along, depth, dy, base - range.x + k + 1u));
                     }
                     if (WEIGHTS != 0u) {
                         if (weight > 0.0) keep_weight(sorted_splats[base + k], weight);
@@ -155,7 +157,7 @@ shared uint going_on;
 void blend_splat(inout Pixel pixel, Splat s, vec2 center, uint place, uint list) {
     const float dx = center.x - s.x;
     precise float along = s.p * dx;
-    const float weight = blend(pixel, s, along, center.y - s.y, place);
+    const float weight = blend(pixel, s, along, s.depth + s.slope.x * dx, center.y - s.y, place);
     if (WEIGHTS != 0u) {
         if (weight > 0.0) keep_weight(sorted_splats[list + place - 1u], weight);
     }

@@ -22,10 +22,11 @@ layout(push_constant) uniform Push {
     uint side;  // of a tile, a multiple of BLOCK_SIDE
 } push;
 layout(set = 0, binding = 0) readonly buffer Splat2d { vec4 splat2d[]; };
-layout(set = 0, binding = 1) readonly buffer SortedSplats { uint sorted_splats[]; };
-layout(set = 0, binding = 2) readonly buffer TileRanges { uvec2 tile_ranges[]; };
-layout(set = 0, binding = 3) readonly buffer KnownDepths { float known_depths[]; };
-layout(set = 0, binding = 4) writeonly buffer Probe { vec4 probe[]; };
+layout(set = 0, binding = 1) readonly buffer Normals { vec4 normals[]; };
+layout(set = 0, binding = 2) readonly buffer SortedSplats { uint sorted_splats[]; };
+layout(set = 0, binding = 3) readonly buffer TileRanges { uvec2 tile_ranges[]; };
+layout(set = 0, binding = 4) readonly buffer KnownDepths { float known_depths[]; };
+layout(set = 0, binding = 5) writeonly buffer Probe { vec4 probe[]; };
 
 // Alpha of a splat, whose first two rows these are, at the centre of a pixel.
 float alpha_at(vec4 p, vec4 q, vec2 center) {
@@ -48,9 +49,12 @@ void main() {
     vec2 off = vec2(0.0);
     for (uint k = range.x; k < range.y; ++k) {
         const uint splat = sorted_splats[k];
+        const vec4 p = LOAD4(splat2d, 3u * splat);
         const vec4 q = LOAD4(splat2d, 3u * splat + 1u);
-        const float depth = q.z;
-        const float alpha = alpha_at(LOAD4(splat2d, 3u * splat), q, vec2(at) + 0.5);
+        const vec2 center = vec2(at) + 0.5;
+        const vec2 slope = vec2(LOAD4(splat2d, 3u * splat + 2u).w, LOAD4(normals, splat).w);
+        const float depth = q.z + dot(slope, center - p.xy);
+        const float alpha = alpha_at(p, q, center);
         const float next = attenuate(transmittance, alpha);
         if (next < TRANSMITTANCE_MIN) break;
         if (known > 0.0) off += alpha * transmittance * vec2(lessThan(vec2(depth, BEHIND * known), vec2(FRONT * known, depth)));

@@ -91,7 +91,7 @@ fn brute_force_against_differences(settings: Settings, what: Seen, seed: u64) {
             .map(|k| {
                 difference(&splats[i], k, 1e-6, &mut |moved| {
                     scene[i] = moved.clone();
-                    vec![loss(&reference::render(&scene, &camera, &settings), &g)]
+                    vec![loss(&reference::render_with_slopes_of(&splats, &scene, &camera, &settings), &g)]
                 })[0]
             })
             .collect();
@@ -138,10 +138,11 @@ fn brute_force_depth_normal_and_transmittance_gradients() {
     }
 }
 
-/// Everything the projection outputs that has a gradient, in the order of `grad2d` and then the normal.
-fn outputs(p: &Projected<f64>) -> Vec<f64> {
+/// Everything the projection outputs that has a gradient, in the order of `grad2d` and then the normal; of the depth the
+/// plane's value at the image's corner, with a given slope.
+fn outputs(p: &Projected<f64>, slope: [f64; 2]) -> Vec<f64> {
     let ([x, y], [a, b, c], [red, green, blue]) = (p.mean, p.conic, p.colour);
-    let mut out = vec![x, y, a, b, c, p.opacity, red, green, blue, p.depth];
+    let mut out = vec![x, y, a, b, c, p.opacity, red, green, blue, p.depth - slope[0] * x - slope[1] * y];
     out.extend(p.normal);
     out
 }
@@ -192,11 +193,11 @@ fn projection_against_differences(projection: Projection, spread: f64, seed: u64
         let slopes: Vec<Vec<f64>> = (0..PARAMETERS)
             .map(|k| {
                 difference(&splat, k, 1e-4, &mut |moved| {
-                    project(moved, &seen(moved), None).map_or(vec![], |p| outputs(&p))
+                    project(moved, &seen(moved), None).map_or(vec![], |p| outputs(&p, here.slope))
                 })
             })
             .collect();
-        for (column, value) in outputs(&here).into_iter().enumerate() {
+        for (column, value) in outputs(&here, here.slope).into_iter().enumerate() {
             let mut g = Grad2d { row: [0.0; 12], normal: [0.0; 3] };
             if column < 10 {
                 g.row[column] = 1.0

@@ -28,14 +28,15 @@ uint tile_columns(uint side) { return (push.width + side - 1u) / side; }
 uint tile_total(uint side) { return tile_columns(side) * ((push.height + side - 1u) / side); }
 uvec2 tile_corner(uint tile, uint side) { return uvec2(tile % tile_columns(side), tile / tile_columns(side)) * side; }
 
-// A row of splat2d, the conic as its factor (p, q, r), see alpha.glsl; and its normal when AUX.
+// A row of splat2d, the conic as its factor (p, q, r), see alpha.glsl; and its normal and slope when AUX.
 struct Splat {
     float x, y;
     float p, q, r;
     float opacity;
-    float depth;
+    float depth;  // of the centre
     vec3 colour;
     vec3 normal;
+    vec2 slope;   // of the depth, per pixel
 };
 
 #endif

@@ -39,7 +39,8 @@ Splat load_splat(uint i) {
     const vec4 q = LOAD4(splat2d, 3u * i + 1u);
     const vec4 colour = LOAD4(splat2d, 3u * i + 2u);
     const vec3 factor = conic_factor(p.z, p.w, q.w);
-    return Splat(p.x, p.y, factor.x, factor.y, factor.z, q.y, q.z, colour.rgb, AUX != 0u ? LOAD4(normals, i).xyz : vec3(0.0));
+    const vec4 normal = AUX != 0u ? LOAD4(normals, i) : vec4(0.0);
+    return Splat(p.x, p.y, factor.x, factor.y, factor.z, q.y, q.z, colour.rgb, normal.xyz, vec2(colour.w, normal.w));
 }
 
 // The row for the sums of a pair: the slot's row, or the splat's row.
@@ -124,15 +125,15 @@ struct Share {
     float v;
 };
 
-// Moves a pixel back to the front of a splat. `reached`: the splat is not after the pixel's last contributor.
-Share step_back(inout float transmittance, inout float behind, vec3 grad, vec4 grad_aux, Splat s, float power, bool reached) {
+// Moves a pixel back to the front of a splat, whose depth at the pixel is `depth`. `reached`: the splat is not after the pixel's last contributor.
+Share step_back(inout float transmittance, inout float behind, vec3 grad, vec4 grad_aux, Splat s, float power, float depth, bool reached) {
     float unclamped = unclamped_alpha(power, s.opacity);
     unclamped = reached ? unclamped : 0.0;
     const float alpha = min(unclamped, ALPHA_MAX);
     transmittance = transmittance / (1.0 - alpha);
     const float weight = alpha * transmittance;
     float here = dot(s.colour, grad);
-    if (AUX != 0u) here += dot(vec4(s.depth, s.normal), grad_aux);
+    if (AUX != 0u) here += dot(vec4(depth, s.normal), grad_aux);
     const float difference = here - behind;
     behind += alpha * difference;
     const float passed = CLAMP_GRADIENT_PASSES != 0u ? unclamped * transmittance : unclamped > ALPHA_MAX ? 0.0 : weight;

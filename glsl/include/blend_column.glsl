@@ -51,9 +51,12 @@ Splat shuffled(Splat mine, uint k) {
         s.normal.x = subgroup_shuffle(mine.normal.x, k);
         s.normal.y = subgroup_shuffle(mine.normal.y, k);
         s.normal.z = subgroup_shuffle(mine.normal.z, k);
+        s.slope.x = subgroup_shuffle(mine.slope.x, k);
+        s.slope.y = subgroup_shuffle(mine.slope.y, k);
     } else {
         s.depth = 0.0;
         s.normal = vec3(0.0);
+        s.slope = vec2(0.0);
     }
     return s;
 }

@@ -58,10 +58,11 @@ void project_splat(Camera camera, uint i) {
             } else {
                 splat2d[s] = vec4(at, e.conic.xy);
                 splat2d[s + 1u] = vec4(e.conic.z, opacity, p.z, e.rest);
-                splat2d[s + 2u] = vec4(max(colour, vec3(0.0)), 0.0);
+                const vec2 slope = AUX != 0u ? depth_slope(e) : vec2(0.0);
+                splat2d[s + 2u] = vec4(max(colour, vec3(0.0)), slope.x);
                 if (AUX != 0u) {
                     float side;
-                    normals[i] = vec4(splat_normal(camera, p, e.rot, shortest_axis(log_scale), side), 0.0);
+                    normals[i] = vec4(splat_normal(camera, p, e.rot, shortest_axis(log_scale), side), slope.y);
                 }
             }
         }

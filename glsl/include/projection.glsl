@@ -90,6 +90,13 @@ Ewa ewa_project(Camera camera, vec3 p, vec4 quat, vec3 log_scale) {
     return e;
 }
 
+// Change of the depth per pixel: the mean of z under the Gaussian at a pixel is the depth of the centre plus the slope
+// times the pixel's distance. With Q the conic's matrix, the slope is Q M u2.
+vec2 depth_slope(Ewa e) {
+    const vec3 k0 = DILATION * e.m0 + cross(e.m1, e.n), k1 = DILATION * e.m1 + cross(e.n, e.m0);
+    return vec2(dot(k0, e.u2), dot(k1, e.u2)) / e.det;
+}
+
 struct EwaGrad {
     vec3 p;          // camera-frame centre
     vec4 quat;

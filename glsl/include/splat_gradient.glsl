@@ -75,8 +75,10 @@ SplatGradient splat_gradient(Camera camera, uint degree, uint flags, SplatParams
     }
     EwaGrad g = ewa_backward(camera, e, p.z, vec3(up.a.zw, up.b.x), g_compensation, g_axis, axis,
                              (flags & VIEW_REFERENCE_CLAMP) != 0u);
-    g.p.xy += up.a.xy * e.zoom;
-    g.p.z += up.c.y - dot(up.a.xy * e.zoom, p.xy / p.z);
+    // A moved mean moves the plane of the depths along. The slopes count as constants.
+    const vec2 moved = (with_normal ? up.a.xy - up.c.y * depth_slope(e) : up.a.xy) * e.zoom;
+    g.p.xy += moved;
+    g.p.z += up.c.y - dot(moved, p.xy / p.z);
     result.mean = camera.w0 * g.p.x + camera.w1 * g.p.y + camera.w2 * g.p.z + (g_dir - dir * dot(dir, g_dir)) / distance;
     result.quat = g.quat;
     result.log_scale = g.log_scale;

@@ -39,7 +39,14 @@ pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "depth_probe",
         spirv: module("depth_probe"),
-        bindings: &[read("splat2d"), read("sorted_splats"), read("tile_ranges"), read("known_depths"), write("probe")],
+        bindings: &[
+            read("splat2d"),
+            read("normals"),
+            read("sorted_splats"),
+            read("tile_ranges"),
+            read("known_depths"),
+            write("probe"),
+        ],
         push_bytes: Push::BYTES,
         constants: &[KNOWN, ALPHA_MIN],
         local_size: Some(64),

@@ -280,11 +280,12 @@ impl Renderer {
         let (width, height) = (view.camera.width, view.camera.height);
         let given = [("KNOWN", u32::from(known.is_some())), alpha_min::constant(view.projection.alpha_cutoff)];
         let pipeline = self.gpu.pipeline(&depth_probe::PASS.kernel, &given)?;
-        let channels = self.channels(view, false)?;
+        let channels = self.channels(view, true)?;
         let lists = self.record_lists(recorder, model, view, &channels, None)?;
         // Without known depths another buffer stands for them, and is not read.
-        let [splat2d, known, probe] = slices([&self.splat2d, known.unwrap_or(&self.no_weights), probe]);
-        let buffers = [splat2d, lists.sorted_splats, lists.tile_ranges, known, probe];
+        let [splat2d, normals, known, probe] =
+            slices([&self.splat2d, &self.normals, known.unwrap_or(&self.no_weights), probe]);
+        let buffers = [splat2d, normals, lists.sorted_splats, lists.tile_ranges, known, probe];
         let push = depth_probe::Push { width, height, side: self.variants.tile.size() };
         let groups = Groups::Workgroups(u64::from(depth_probe::groups(width, height)));
         recorder.dispatch(&pipeline, &buffers, &push, groups)

@@ -81,7 +81,7 @@ pub fn backward<R: Real>(blend: &Blend<R>, up: &Upstream<R>) -> PairGrads<R> {
                 grad_alpha -= transmittance * see_through * grad_t;
                 see_through = mix(R::zero(), see_through);
                 if blend.normals.is_some() {
-                    let (values, g) = (blend.aux_of(splat), up.grad_aux[pixel]);
+                    let (values, g) = (blend.aux_of(splat, x, y), up.grad_aux[pixel]);
                     for k in 0..4 {
                         grad_alpha += transmittance * (values[k] - aux[k]) * g[k];
                         aux[k] = mix(values[k], aux[k]);

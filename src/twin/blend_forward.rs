@@ -20,7 +20,7 @@ pub struct Blend<R> {
     pub side: usize,
     /// Rows of `splat2d`.
     pub splats: Vec<[R; 12]>,
-    /// Camera-frame normals, where depth and normal are blended too.
+    /// Rows of `normals` (camera-frame normal, slope of the depth along y), where depth and normal are blended too.
     pub normals: Option<Vec<[R; 4]>>,
     /// Splats of the tiles' lists, front to back.
     pub sorted: Vec<u32>,
@@ -107,10 +107,12 @@ impl<R: Real> Blend<R> {
         [R::of(x as f64 + 0.5), R::of(y as f64 + 0.5)]
     }
 
-    /// Depth and normal of a splat as blended into the auxiliary image.
-    pub fn aux_of(&self, splat: usize) -> [R; 4] {
-        let [x, y, z, _] = self.normals.as_ref().map_or([R::zero(); 4], |n| n[splat]);
-        [self.splats[splat][6], x, y, z]
+    /// Depth and normal of a splat at a pixel, as blended into the auxiliary image.
+    pub fn aux_of(&self, splat: usize, x: usize, y: usize) -> [R; 4] {
+        let row = &self.splats[splat];
+        let [nx, ny, nz, slope_y] = self.normals.as_ref().map_or([R::zero(); 4], |n| n[splat]);
+        let center = Self::center(x, y);
+        [row[6] + row[11] * (center[0] - row[0]) + slope_y * (center[1] - row[1]), nx, ny, nz]
     }
 }
 
@@ -148,7 +150,7 @@ pub fn forward<R: Real>(blend: &Blend<R>) -> Blended<R> {
                 for k in 0..3 {
                     colour[k] += weight * row[8 + k];
                 }
-                for (sum, value) in aux.iter_mut().zip(blend.aux_of(splat as usize)) {
+                for (sum, value) in aux.iter_mut().zip(blend.aux_of(splat as usize, x, y)) {
                     *sum += weight * value;
                 }
                 transmittance = next;

@@ -7,7 +7,7 @@ use crate::pass::depth_probe::{BEHIND, FRONT, Push};
 /// What [`probe`] finds at a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probed<R> {
-    /// Depth of the splat at which the transmittance falls to one half or below; 0 where it never does.
+    /// Depth, at the pixel, of the splat at which the transmittance falls to one half or below; 0 where it never does.
     pub median: R,
     /// Sum of the weights of splats in front of the known depth.
     pub front: R,
@@ -31,7 +31,7 @@ pub fn probe<R: Real>(blend: &Blend<R>, known: Option<&[R]>) -> Vec<Probed<R>> {
             if next < R::of(f64::from(TRANSMITTANCE_MIN)) {
                 break;
             }
-            let (depth, weight, half) = (row[6], alpha * at.transmittance, R::of(0.5));
+            let (depth, weight, half) = (blend.aux_of(splat as usize, x, y)[0], alpha * at.transmittance, R::of(0.5));
             if known > R::zero() && depth < near {
                 at.front += weight;
             }
@@ -57,14 +57,14 @@ pub fn run(call: &mut TwinCall<'_>) {
         background: [0.0; 3],
         side: push.side as usize,
         splats: call.get(0),
-        normals: None,
-        sorted: call.get(1),
-        ranges: call.get(2),
+        normals: Some(call.get(1)),
+        sorted: call.get(2),
+        ranges: call.get(3),
         block: None,
         alpha_min: f32::from_bits(call.constants[1]),
     };
-    let known = (call.constants[0] != 0).then(|| call.get::<f32>(3));
+    let known = (call.constants[0] != 0).then(|| call.get::<f32>(4));
     let rows: Vec<[f32; 4]> =
         probe(&blend, known.as_deref()).into_iter().map(|p| [p.median, p.front, p.behind, p.transmittance]).collect();
-    call.set(4, &rows);
+    call.set(5, &rows);
 }

@@ -20,8 +20,10 @@ pub struct Projected<R> {
     pub rest: R,
     /// Opacity times the anti-aliasing factor.
     pub opacity: R,
-    /// z in the camera frame.
+    /// z of the centre in the camera frame.
     pub depth: R,
+    /// Change of the depth per pixel, along x and y.
+    pub slope: [R; 2],
     /// Colour, clamped to at least 0.
     pub colour: [R; 3],
     /// Camera-frame normal.
@@ -31,11 +33,16 @@ pub struct Projected<R> {
 }
 
 impl<R: Real> Projected<R> {
-    /// The row of `splat2d`.
+    /// The row of `splat2d`, with normals.
     pub fn row(&self) -> [R; 12] {
-        let o = R::zero();
         let ([x, y], [a, b, c], [red, green, blue]) = (self.mean, self.conic, self.colour);
-        [x, y, a, b, c, self.opacity, self.depth, self.rest, red, green, blue, o]
+        [x, y, a, b, c, self.opacity, self.depth, self.rest, red, green, blue, self.slope[0]]
+    }
+
+    /// The row of `normals`.
+    pub fn normal_row(&self) -> [R; 4] {
+        let [x, y, z] = self.normal;
+        [x, y, z, self.slope[1]]
     }
 }
 
@@ -103,7 +110,8 @@ pub fn project<R: Real>(
     let axis = projection::shortest_axis(splat.log_scale);
     let (normal, _) = projection::normal(view, p, &e.rot, axis);
     let colour = colour.map(|v| v.max(R::zero()));
-    Ok(Projected { mean, conic: e.conic, rest: e.rest, opacity, depth: p[2], colour, normal, tiles })
+    let slope = projection::depth_slope(&e);
+    Ok(Projected { mean, conic: e.conic, rest: e.rest, opacity, depth: p[2], slope, colour, normal, tiles })
 }
 
 /// Direction from the camera centre to the splat, and the distance.
@@ -142,7 +150,9 @@ fn run_with(call: &mut TwinCall<'_>, model_of: fn(&TwinCall<'_>, usize, usize) -
                 tile_counts[i] = p.tiles;
                 splat2d[i] = p.row();
                 if aux {
-                    normals[i] = [p.normal[0], p.normal[1], p.normal[2], 0.0];
+                    normals[i] = p.normal_row();
+                } else {
+                    splat2d[i][11] = 0.0;
                 }
             }
             Err(why) => {

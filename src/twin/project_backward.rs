@@ -18,7 +18,7 @@ pub struct Grad2d<R> {
     pub normal: [R; 3],
 }
 
-/// Gradients of the 59 parameters of a splat that is on the image with colour `colour` (0 where it was clamped; see
+/// Gradients of the 59 parameters (the slopes of the depth count as constants) of a splat that is on the image with colour `colour` (0 where it was clamped; see
 /// [`crate::pass::camera::Projection::black_learns`]).
 pub fn project_backward<R: Real>(splat: &Splat<R>, view: &TwinCamera<R>, colour: [R; 3], g: &Grad2d<R>) -> Splat<R> {
     let o = R::zero();
@@ -45,8 +45,10 @@ pub fn project_backward<R: Real>(splat: &Splat<R>, view: &TwinCamera<R>, colour:
     let through = projection::backward(view, &e, p[2], &upstream);
     let mut g_p = through.p;
     g_p[2] += g.row[9];
+    let slope = projection::depth_slope(&e);
     for k in 0..2 {
-        let moved = g.row[k] * e.zoom[k];
+        // A moved mean moves the plane of the depths along.
+        let moved = (g.row[k] - g.row[9] * slope[k]) * e.zoom[k];
         g_p[k] += moved;
         g_p[2] -= moved * (p[k] / p[2]);
     }

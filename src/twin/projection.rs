@@ -114,6 +114,13 @@ pub fn project<R: Real>(view: &TwinCamera<R>, p: [R; 3], quat: [R; 4], log_scale
     Ewa { rot, scale, u, ratio, clamped, zoom, m, n, det, conic, rest, compensation, floored }
 }
 
+/// Change of the depth per pixel: the mean of z under the Gaussian at a pixel is the depth of the centre plus the slope
+/// times the pixel's distance.
+pub fn depth_slope<R: Real>(e: &Ewa<R>) -> [R; 2] {
+    let x = [vec3::cross(e.m[1], e.n), vec3::cross(e.n, e.m[0])];
+    std::array::from_fn(|r| vec3::dot(vec3::add(vec3::scale(R::of(DILATION), e.m[r]), x[r]), e.u[2]) / e.det)
+}
+
 /// Gradients that [`backward`] gives.
 #[derive(Clone, Debug)]
 pub struct EwaGrad<R> {

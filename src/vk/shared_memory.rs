@@ -132,9 +132,9 @@ mod tests {
         assert_eq!(named("part_sum"), Some(64 * 16));
         // float sums[64], float fresh[12]
         assert_eq!(named("exposure_step"), Some((64 + 12) * 4));
-        // float parts[16 * 256], float part_sums[256]; staged: three vec4 [128], vec2 [128], float [128], uint [128];
-        // uint most; in all a multiple of 16
-        let staged: u32 = 128 * (3 * 16 + 8 + 4 + 4);
+        // float parts[16 * 256], float part_sums[256]; staged: three vec4 [128], vec2 [128], two float [128], uint
+        // [128]; uint most; in all a multiple of 16
+        let staged: u32 = 128 * (3 * 16 + 8 + 2 * 4 + 4);
         assert_eq!(named("blend_backward_pixel_slots"), Some((17 * 256 * 4 + staged + 4).next_multiple_of(16)));
     }
 

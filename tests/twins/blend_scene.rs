@@ -6,6 +6,9 @@ use psrgs_vk::scene::tile::ALPHA_MIN;
 use psrgs_vk::twin::Real;
 use psrgs_vk::twin::blend_forward::{Blend, TRANSMITTANCE_MIN, evaluate};
 
+/// Slope of the depth along x, per pixel, of a splat at depth 1.
+pub const SLOPE: f64 = 0.003;
+
 /// A splat with standard deviations `sigma` (before the dilation of 0.3) along axes turned by `angle`.
 pub fn splat(mean: [f64; 2], sigma: [f64; 2], angle: f64, opacity: f64, depth: f64, colour: [f64; 3]) -> [f32; 12] {
     let (s, c) = angle.sin_cos();
@@ -13,7 +16,7 @@ pub fn splat(mean: [f64; 2], sigma: [f64; 2], angle: f64, opacity: f64, depth: f
     let (xx, xy, yy) = (c * c * u + s * s * v + 0.3, c * s * (u - v), s * s * u + c * c * v + 0.3);
     let det = xx * yy - xy * xy;
     let [r, g, b] = colour;
-    [mean[0], mean[1], yy / det, -xy / det, xx / det, opacity, depth, 1.0 / yy, r, g, b, 0.0].map(|x| x as f32)
+    [mean[0], mean[1], yy / det, -xy / det, xx / det, opacity, depth, 1.0 / yy, r, g, b, SLOPE * depth * angle.cos()].map(|x| x as f32)
 }
 
 /// A scene as the device gets it.
@@ -68,7 +71,7 @@ impl Scene {
             let mut d = Random::new(rank as u64 + 77);
             let v: [f64; 3] = std::array::from_fn(|_| d.range(-1.0, 1.0));
             let length = v.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
-            normals[place(rank)] = [v[0] / length, v[1] / length, v[2] / length, 0.0].map(|x| x as f32);
+            normals[place(rank)] = [v[0] / length, v[1] / length, v[2] / length, SLOPE * d.range(-1.0, 1.0)].map(|x| x as f32);
         }
         let (columns, rows) = (self.width.div_ceil(side), self.height.div_ceil(side));
         let (mut sorted, mut ranges) = (Vec::new(), Vec::new());

@@ -93,7 +93,10 @@ fn backward_is_the_derivative_of_forward() {
                         row[7] = row[4] - row[3] * row[3] / row[2];
                     }
                 });
-                close(&format!("splat {splat} column {column}"), rows[splat][column], want);
+                // A moved mean moves the plane of the depths along, which is the projection's to add.
+                let slope = [blend.splats[splat][11], blend.normals.as_ref().map_or(0.0, |n| n[splat][3]), 0.0];
+                let along = slope[column.min(2)] * rows[splat][9];
+                close(&format!("splat {splat} column {column}"), rows[splat][column] - along, want);
                 touched += usize::from(want != 0.0);
             }
             for (k, got) in normals[splat].into_iter().take(3).enumerate() {

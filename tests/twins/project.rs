@@ -154,9 +154,18 @@ fn compare(gpu: &Gpu, case: &Case<'_>, what: &str) -> usize {
         let device: Vec<f32> = pairs.iter().flat_map(|(i, _)| normals[*i][..3].to_vec()).collect();
         let twin: Vec<f64> = pairs.iter().flat_map(|(_, p)| p.normal).collect();
         Guards::of(4e-6).check(&format!("{what}: normals"), 3, &device, &twin);
-        assert!(pairs.iter().all(|(i, _)| normals[*i][3] == 0.0));
+        let shares = |slope: [f64; 2], i: usize| {
+            let steepest = scene::steepest(&Splat::of(case.model, i), &view);
+            // Shares of at most 1, which the error is relative to.
+            [1.0 + slope[0] / steepest[0], 1.0 + slope[1] / steepest[1]]
+        };
+        let on_device = |i: usize| shares([got[i][11], normals[i][3]].map(f64::from), i).map(|v| v as f32);
+        let device: Vec<f32> = pairs.iter().flat_map(|(i, _)| on_device(*i)).collect();
+        let twin: Vec<f64> = pairs.iter().flat_map(|(i, p)| shares(p.slope, *i)).collect();
+        Guards::of(2e-5).check(&format!("{what}: slopes"), 2, &device, &twin);
     } else {
         assert_eq!(outcome.device[11], untouched[11], "{what}: normals written without AUX");
+        assert!(pairs.iter().all(|(i, _)| got[*i][11] == 0.0), "{what}: slopes without AUX");
     }
     // Words behind the last splat do not change, and of the counters at most that of bad splats.
     for (k, row) in [(9, 12), (10, 1), (11, 4)] {

@@ -34,6 +34,8 @@ fn random_gradient(random: &mut Random, conic: [f64; 3], aux: bool) -> Grad2d<f6
     let row = std::array::from_fn(|k| match k {
         2..=4 => size * random.symmetric(),
         10 | 11 => f64::NAN,
+        // Without normals the depth has no gradient.
+        9 if !aux => 0.0,
         _ => random.symmetric(),
     });
     Grad2d { row, normal: if aux { vector(random) } else { [0.0; 3] } }

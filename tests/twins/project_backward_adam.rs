@@ -122,6 +122,8 @@ pub(super) fn case(model: &Gaussians, projection: &Projection, most: u32, form: 
             grad2d[i] = std::array::from_fn(|k| match k {
                 2..=4 => (size * random.symmetric()) as f32,
                 10 | 11 => f32::NAN,
+                // Without normals the depth has no gradient.
+                9 if !aux => 0.0,
                 _ => random.symmetric() as f32,
             });
             if poison && i % 5 == 0 {

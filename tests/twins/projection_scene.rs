@@ -124,6 +124,13 @@ pub fn push(projection: &Projection) -> CameraPush {
     CameraPush::new(&view(), projection)
 }
 
+/// The largest slopes of the depth, along x and y, that a splat of this deviation of the depth and this conic can have.
+pub fn steepest(splat: &Splat<f64>, view: &TwinCamera<f64>) -> [f64; 2] {
+    let (_, e) = geometry(splat, view);
+    let deviation = e.u[2].iter().map(|x| x * x).sum::<f64>().sqrt();
+    [e.conic[0], e.conic[2]].map(|inverse_variance| inverse_variance.sqrt() * deviation)
+}
+
 /// Condition number of a splat's 2D shape: the rows of J W R S are differences (`u_k - ratio u_2`), and their area, a
 /// cross product, is a difference again.
 pub fn condition(splat: &Splat<f64>, view: &TwinCamera<f64>) -> f64 {

@@ -9,7 +9,7 @@ mod matrix;
 mod pixels;
 mod splats;
 
-pub use pixels::{backward, backward_at, render, render_at};
+pub use pixels::{backward, backward_at, render, render_at, render_with_slopes_of};
 
 use super::splat::Splat;
 use crate::raster::PLANES;
@@ -55,7 +55,7 @@ pub struct Image {
     pub colour: Vec<[f64; 3]>,
     /// Final transmittance.
     pub transmittance: Vec<f64>,
-    /// Sum of weight times depth.
+    /// Sum of weight times depth: the mean of z under the splat's Gaussian along the pixel's ray.
     pub depth: Vec<f64>,
     /// Sum of weight times camera-frame normal.
     pub normal: Vec<[f64; 3]>,

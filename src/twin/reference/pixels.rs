@@ -76,6 +76,11 @@ fn layers(
     (out, t, margin)
 }
 
+/// Mean of z under the splat's Gaussian along the pixel's ray.
+fn depth_at(s: &ProjectedSplat, layer: &Layer) -> f64 {
+    s.depth + s.slope[0] * layer.dx + s.slope[1] * layer.dy
+}
+
 /// Every pixel.
 fn all(camera: &Camera) -> Vec<usize> {
     (0..camera.width as usize * camera.height as usize).collect()
@@ -94,16 +99,42 @@ pub fn render(splats: &[Splat<f64>], camera: &Camera, settings: &Settings) -> Im
 
 /// As [`render`], for the pixels with the given row-major indices only: one entry per index.
 pub fn render_at(splats: &[Splat<f64>], camera: &Camera, settings: &Settings, pixels: &[usize]) -> Image {
-    let seen = sorted(splats, camera, settings);
+    blended(splats, &sorted(splats, camera, settings), camera, settings, pixels)
+}
+
+/// As [`render`], with the slopes of the depths that the splats `held` have: the slopes count as constants in
+/// [`backward`].
+pub fn render_with_slopes_of(
+    held: &[Splat<f64>],
+    splats: &[Splat<f64>],
+    camera: &Camera,
+    settings: &Settings,
+) -> Image {
+    let mut seen = sorted(splats, camera, settings);
+    for splat in &mut seen {
+        if let Some(held) = see(splat.index, &held[splat.index], camera, settings) {
+            splat.slope = held.slope;
+        }
+    }
+    blended(splats, &seen, camera, settings, &all(camera))
+}
+
+fn blended(
+    splats: &[Splat<f64>],
+    seen: &[ProjectedSplat],
+    camera: &Camera,
+    settings: &Settings,
+    pixels: &[usize],
+) -> Image {
     let mut image = Image::default();
     for (px, py) in pixels.iter().map(|pixel| centre(camera, *pixel)) {
-        let (layers, t, margin) = layers(&seen, splats, settings, (px, py));
+        let (layers, t, margin) = layers(seen, splats, settings, (px, py));
         let mut colour = settings.background.map(|b| b * t);
         let (mut depth, mut normal) = (0.0, [0.0; 3]);
         for layer in &layers {
             let s = &seen[layer.at];
             let weight = layer.alpha * layer.before;
-            depth += weight * s.depth;
+            depth += weight * depth_at(s, layer);
             for k in 0..3 {
                 colour[k] += weight * s.colour[k];
                 normal[k] += weight * s.normal[k];
@@ -146,7 +177,7 @@ pub fn backward_at(
         for layer in layers.iter().rev() {
             let s = &seen[layer.at];
             let weight = layer.alpha * layer.before;
-            let value: f64 = (0..3).map(|k| gc[k] * s.colour[k] + gn[k] * s.normal[k]).sum::<f64>() + gd * s.depth;
+            let value: f64 = (0..3).map(|k| gc[k] * s.colour[k] + gn[k] * s.normal[k]).sum::<f64>() + gd * depth_at(s, layer);
             let g_alpha = layer.before * value - rest / (1.0 - layer.alpha);
             rest += weight * value;
             let row = &mut rows[s.index];

@@ -15,6 +15,8 @@ pub(super) struct ProjectedSplat {
     /// Opacity with the anti-aliasing factor.
     pub(super) opacity: f64,
     pub(super) depth: f64,
+    /// Change of the depth per pixel: Q T Sigma w2.
+    pub(super) slope: [f64; 2],
     pub(super) colour: [f64; 3],
     pub(super) normal: [f64; 3],
     /// Condition of the mean, the conic and the depth in f32 arithmetic: error over epsilon (absolute,
@@ -237,6 +239,8 @@ pub(super) fn see(index: usize, splat: &Splat<f64>, camera: &Camera, settings: &
     let ellipse = ellipse(point, &ellipsoid.sigma, camera, settings.antialias);
     let condition = condition(splat, camera, point, &ellipsoid.axes, &ellipse);
     let q = inverse(&ellipse.after);
+    let t = product(&ellipse.jacobian, w);
+    let slope = times(&q, &times(&product(&t, &ellipsoid.sigma), &w[2]));
     let sigmoid = 1.0 / (1.0 + (-splat.logit).exp());
     let colour = unbounded_colour(splat, camera, settings.sh_degree);
     let shortest = (1..3).fold(0, |best, k| if splat.log_scale[k] < splat.log_scale[best] { k } else { best });
@@ -250,6 +254,7 @@ pub(super) fn see(index: usize, splat: &Splat<f64>, camera: &Camera, settings: &
         conic: [q[0][0], q[0][1], q[1][1]],
         opacity: sigmoid * ellipse.factor,
         depth: z,
+        slope,
         colour: colour.map(|v| v.max(0.0)),
         normal: axis.map(|v| turned * v),
         mean_condition: condition.mean,
@@ -272,10 +277,11 @@ pub(super) fn pull_back(
     let [x, y, z] = parts.point;
     let mut g_point = [0.0; 3];
 
-    // Mean and depth.
-    g_point[0] += row[0] * camera.fx / z;
-    g_point[1] += row[1] * camera.fy / z;
-    g_point[2] += row[9] - row[0] * camera.fx * x / (z * z) - row[1] * camera.fy * y / (z * z);
+    // Mean and depth: a moved mean moves the plane of the depths along.
+    let g_mean: [f64; 2] = std::array::from_fn(|k| row[k] - row[9] * seen.slope[k]);
+    g_point[0] += g_mean[0] * camera.fx / z;
+    g_point[1] += g_mean[1] * camera.fy / z;
+    g_point[2] += row[9] - g_mean[0] * camera.fx * x / (z * z) - g_mean[1] * camera.fy * y / (z * z);
 
     // Opacity: o = sigmoid(logit) f, f = sqrt(det before / det after).
     let logit = row[5] * parts.ellipse.factor * parts.sigmoid * (1.0 - parts.sigmoid);
