@@ -92,6 +92,12 @@ fn depths(found: &StereoReport, settings: &Settings, views: usize, console: &Con
             ));
         }
     }
+    if found.contradicted > 0 {
+        console.say(format_args!(
+            "stereo: {} left out, where most photographs see another surface",
+            counted(found.contradicted, "point")
+        ));
+    }
     if prior == DepthPrior::None {
         if found.splats > 0 {
             console.say(format_args!("stereo: {} on surfaces to begin with", counted(found.splats, "splat")));
@@ -163,10 +169,11 @@ fn first_splats(setup: &Setup, dataset: &Dataset, console: &Console) {
         ));
     }
     let points = input.initial.len().saturating_sub(setup.depths.splats);
-    if setup.is_from_points() && points < dataset.usable_points().len() {
+    let usable = dataset.usable_points().len().saturating_sub(setup.depths.contradicted);
+    if setup.is_from_points() && points < usable {
         console.say(format_args!(
             "of {} {} are taken, evenly, for the sake of `max-splats`",
-            counted(dataset.usable_points().len(), "point"),
+            counted(usable, "point"),
             grouped(points)
         ));
     }

@@ -38,6 +38,8 @@ pub struct StereoReport {
     pub reduced_to: Option<u32>,
     /// First splats on surfaces, besides those of the reconstructed points.
     pub splats: usize,
+    /// Reconstructed points that are left out because most photographs see another surface there.
+    pub contradicted: usize,
     /// Training views without a depth.
     pub skipped: Vec<SkippedView>,
     /// The cloud that growth keeps to.
@@ -100,7 +102,11 @@ pub fn compute_stereo_priors(
                 true => shapes(&stereo.scene.views, &chosen)?,
                 false => Vec::new(),
             };
-            report.splats = begin_on(&chosen, &shapes, training, dataset, input)?;
+            let agrees = |at: [f64; 3]| !contradicted(at, stereo.scene.views.iter().map(|v| &v.camera).zip(&stereo.priors));
+            let agreeing: Vec<bool> =
+                dataset.usable_points().iter().map(|p| agrees(dataset.frame.to_scene(p.position))).collect();
+            report.splats = begin_on(&chosen, &shapes, &agreeing, training, dataset, input)?;
+            report.contradicted = agreeing.iter().filter(|agrees| report.splats > 0 && !**agrees).count();
         }
         if made {
             cloud = Some(fused.iter().map(|p| p.position).collect());
@@ -323,12 +329,29 @@ impl MatchedViews {
     }
 }
 
-/// Adds `more` splats on surfaces, at most as many as there are fused points, to the first model, and returns how many.
-/// Width, thickness and opacity are those of the settings; `shapes` has one shape for each splat, or none at all.
-/// Reconstructed points are left out beyond `max-splats`.
+/// Share of a depth by which a reconstructed point is off a surface that hides it, or that it hides, for certain. Stereo
+/// is off by less even at the edges of thin things.
+const CONTRADICTED: f64 = 0.2;
+
+/// Whether stereo knows a depth at `point`, in scene units, in some photographs, and in most of them another one.
+fn contradicted<'a>(point: [f64; 3], views: impl Iterator<Item = (&'a Camera, &'a Prior)>) -> bool {
+    let (mut known, mut off) = (0, 0);
+    for (camera, prior) in views {
+        let Some([u, v, z]) = camera.placed(point) else { continue };
+        let depth = prior.depth.get(v as usize * prior.width as usize + u as usize).copied().unwrap_or(0.0);
+        known += usize::from(depth > 0.0);
+        off += usize::from(depth > 0.0 && (z / f64::from(depth) - 1.0).abs() > CONTRADICTED);
+    }
+    2 * off > known
+}
+
+/// Adds splats on surfaces at the `chosen` places to the first model, and returns how many. Width, thickness and opacity
+/// are those of the settings; `shapes` has one shape for each splat, or none at all. Of the reconstructed points those
+/// stay that are `agreeing`, at most as many as `max-splats` leaves room for.
 fn begin_on(
     chosen: &[Chosen<'_>],
     shapes: &[Shape],
+    agreeing: &[bool],
     settings: &Settings,
     dataset: &Dataset,
     input: &mut Input,
@@ -337,11 +360,13 @@ fn begin_on(
         return Ok(0);
     }
     let room = settings.density.max_splats.map_or(usize::MAX, |most| most as usize).saturating_sub(chosen.len());
-    let kept = spread(dataset.usable_points(), room);
     // Points without colours have got colours from photographs.
-    let painted = input.optional.coloured.as_ref().map(|coloured| spread(&coloured.colours, room));
-    let colour = |k: usize| painted.as_ref().and_then(|all| all.get(k)).map_or(kept[k].colour, |colour| **colour);
-    let reconstructed = kept.iter().enumerate().map(|(k, p)| (p.position, colour(k)));
+    let painted = input.optional.coloured.as_ref().map(|coloured| &coloured.colours);
+    let colour = |k: usize, own: [u8; 3]| painted.and_then(|all| all.get(k)).copied().unwrap_or(own);
+    let points = dataset.usable_points().iter().enumerate().map(|(k, p)| (p.position, colour(k, p.colour)));
+    let agreeing: Vec<_> = points.zip(agreeing).filter_map(|(point, agrees)| agrees.then_some(point)).collect();
+    let kept = spread(&agreeing, room);
+    let reconstructed = kept.iter().map(|point| **point);
     let found = chosen.iter().map(|c| (dataset.frame.to_dataset(c.point.position), c.point.colour));
     input.initial = init::from_points(&reconstructed.chain(found).collect::<Vec<_>>(), &dataset.frame)?;
     let normals: Vec<[f32; 3]> = chosen.iter().map(|c| c.point.normal).collect();
@@ -370,4 +395,48 @@ fn skirt_splats(points: &[SkirtPoint], thickness: f64) -> Result<Option<Gaussian
     init::lay_flat(&mut out, 0, &normals, thickness);
     init::make_opaque(&mut out, 0, SKIRT_OPACITY);
     Ok(Some(out))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::contradicted;
+    use crate::scene::Camera;
+    use crate::stereo::Prior;
+
+    /// A camera 20 pixels wide that looks along z from the origin, and its prior of one depth.
+    fn view(depth: f32) -> (Camera, Prior) {
+        let camera = Camera {
+            rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            translation: [0.0; 3],
+            fx: 20.0,
+            fy: 20.0,
+            cx: 10.0,
+            cy: 10.0,
+            width: 20,
+            height: 20,
+        };
+        let prior = Prior {
+            width: 20,
+            height: 20,
+            depth: vec![depth; 400],
+            normals: vec![[0.0, 0.0, -1.0]; 400],
+            confidence: vec![1.0; 400],
+        };
+        (camera, prior)
+    }
+
+    #[test]
+    fn points_off_the_surface_of_most_photographs_are_contradicted() {
+        let among = |depths: &[f32], z: f64| {
+            let views: Vec<_> = depths.iter().map(|depth| view(*depth)).collect();
+            contradicted([0.1, -0.2, z], views.iter().map(|(camera, prior)| (camera, prior)))
+        };
+        assert!(among(&[10.0, 10.0, 10.0], 13.0) && among(&[10.0], 7.0), "behind and in front");
+        assert!(!among(&[10.0, 10.0], 11.5) && !among(&[10.0, 10.0], 8.5), "near the surface");
+        assert!(!among(&[10.0, 13.0], 13.0), "hidden in one of two");
+        assert!(among(&[10.0, 10.0, 13.0], 13.0), "hidden in two of three");
+        assert!(!among(&[0.0, 0.0], 13.0) && !among(&[], 13.0), "nothing is known");
+        assert!(among(&[10.0, 0.0, 0.0], 13.0), "views that know nothing do not count");
+        assert!(!among(&[10.0], -5.0), "behind the camera");
+    }
 }

@@ -215,7 +215,12 @@ fn parts_of_the_paper(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
 
 fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
     parts_of_the_paper(settings, named);
+    // The geometry of the low-frequency stage is held to the end.
+    let held = if settings.frequencies.low_stage > 0.0 { 1.0 } else { 0.0 };
     unless_named!(named, settings:
+        "depth-steps" geometry.depth_steps = held,
+        "lambda-normal" geometry.lambda_normal = 0.05,
+        "lambda-binary" optimiser.lambda_binary = 0.1,
         "start" geometry.start = Start::Stereo,
         "exposure" optimiser.exposure = Exposure::Auto,
         "housekeeping" density.housekeeping = Housekeeping::Lean,
