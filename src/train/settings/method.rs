@@ -230,6 +230,10 @@ fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "low-grad-threshold" density.low_grad_threshold = 2.4e-3,
         "split-along-gradient" density.split_along_gradient = true,
     );
+    // Other masks have no sigma.
+    if settings.frequencies.gate == Gate::Spectral {
+        unless_named!(named, settings: "sigma-learning" frequencies.sigma_learning = SigmaLearning::Errors);
+    }
     if settings.geometry.begins_on_surfaces() {
         unless_named!(named, settings:
             "stereo-spacing" geometry.stereo_spacing = Spacing::Frequency,
