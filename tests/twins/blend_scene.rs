@@ -16,7 +16,8 @@ pub fn splat(mean: [f64; 2], sigma: [f64; 2], angle: f64, opacity: f64, depth: f
     let (xx, xy, yy) = (c * c * u + s * s * v + 0.3, c * s * (u - v), s * s * u + c * c * v + 0.3);
     let det = xx * yy - xy * xy;
     let [r, g, b] = colour;
-    [mean[0], mean[1], yy / det, -xy / det, xx / det, opacity, depth, 1.0 / yy, r, g, b, SLOPE * depth * angle.cos()].map(|x| x as f32)
+    [mean[0], mean[1], yy / det, -xy / det, xx / det, opacity, depth, 1.0 / yy, r, g, b, SLOPE * depth * angle.cos()]
+        .map(|x| x as f32)
 }
 
 /// A scene as the device gets it.
@@ -71,7 +72,8 @@ impl Scene {
             let mut d = Random::new(rank as u64 + 77);
             let v: [f64; 3] = std::array::from_fn(|_| d.range(-1.0, 1.0));
             let length = v.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
-            normals[place(rank)] = [v[0] / length, v[1] / length, v[2] / length, SLOPE * d.range(-1.0, 1.0)].map(|x| x as f32);
+            normals[place(rank)] =
+                [v[0] / length, v[1] / length, v[2] / length, SLOPE * d.range(-1.0, 1.0)].map(|x| x as f32);
         }
         let (columns, rows) = (self.width.div_ceil(side), self.height.div_ceil(side));
         let (mut sorted, mut ranges) = (Vec::new(), Vec::new());

@@ -102,7 +102,8 @@ pub fn compute_stereo_priors(
                 true => shapes(&stereo.scene.views, &chosen)?,
                 false => Vec::new(),
             };
-            let agrees = |at: [f64; 3]| !contradicted(at, stereo.scene.views.iter().map(|v| &v.camera).zip(&stereo.priors));
+            let agrees =
+                |at: [f64; 3]| !contradicted(at, stereo.scene.views.iter().map(|v| &v.camera).zip(&stereo.priors));
             let agreeing: Vec<bool> =
                 dataset.usable_points().iter().map(|p| agrees(dataset.frame.to_scene(p.position))).collect();
             report.splats = begin_on(&chosen, &shapes, &agreeing, training, dataset, input)?;

@@ -177,7 +177,8 @@ pub fn backward_at(
         for layer in layers.iter().rev() {
             let s = &seen[layer.at];
             let weight = layer.alpha * layer.before;
-            let value: f64 = (0..3).map(|k| gc[k] * s.colour[k] + gn[k] * s.normal[k]).sum::<f64>() + gd * depth_at(s, layer);
+            let value: f64 =
+                (0..3).map(|k| gc[k] * s.colour[k] + gn[k] * s.normal[k]).sum::<f64>() + gd * depth_at(s, layer);
             let g_alpha = layer.before * value - rest / (1.0 - layer.alpha);
             rest += weight * value;
             let row = &mut rows[s.index];
