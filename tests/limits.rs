@@ -163,7 +163,9 @@ fn a_model_past_128_mib_is_rendered_and_differentiated_whole() {
     for i in [0, 1, MANY / 2, 699_049, 699_050, 699_051, 710_000, MANY - 2, MANY - 1] {
         let want = project(&Splat::<f64>::of(&model, i), &view, None).ok().unwrap().row();
         let got: Vec<f32> = gpu.read_at(&renderer.splat2d, 48 * i as u64, 12).unwrap();
-        for (k, (g, w)) in got.iter().zip(want).enumerate() {
+        // Without normals there are no slopes of depths.
+        assert_eq!(got[11], 0.0);
+        for (k, (g, w)) in got.iter().zip(want).enumerate().take(11) {
             assert!((f64::from(*g) - w).abs() < 1e-4 * (1.0 + w.abs()), "splat {i}, column {k}: {g} instead of {w}");
         }
     }

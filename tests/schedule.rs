@@ -496,3 +496,18 @@ fn relocations_are_as_published_and_for_more_in_fewer_steps() {
     let still = schedule(|s| (s.density.growth, s.density.no_densify) = (Growth::Relocated, true));
     assert!(steps(&still, |t| still.relocates(t).is_some()).is_empty());
 }
+
+/// Stages are shares of all steps, so one that is over would begin again where more steps are asked for.
+#[test]
+fn a_stage_of_all_steps_goes_on_with_more_steps() {
+    let again = |share: f64, former: u32, iterations: u32| {
+        let mut settings = Settings::default();
+        settings.run.iterations = iterations;
+        settings.geometry.depth_prior = psrgs_vk::train::settings::DepthPrior::Stereo;
+        settings.geometry.depth_steps = share;
+        Schedule::begins_again(&settings, former, former)
+    };
+    assert_eq!(again(0.5, 40, 100), Some("that of the loss on depth and normals"));
+    assert_eq!(again(0.5, 40, 60), None);
+    assert_eq!(again(1.0, 40, 100), None);
+}

@@ -111,7 +111,7 @@ pub struct Schedule {
 
 impl Schedule {
     /// The stage that is over after `done` steps of a run of `former` steps and would begin again in a run with the
-    /// steps of `settings`, because stages are shares of all steps.
+    /// steps of `settings`, because stages are shares of all steps. A stage of all steps goes on.
     pub fn begins_again(settings: &Settings, former: u32, done: u32) -> Option<&'static str> {
         let ends = |iterations| {
             let mut settings = settings.clone();
@@ -121,7 +121,7 @@ impl Schedule {
         };
         let (before, now) = (ends(former), ends(settings.run.iterations));
         let names = ["that of coarse photographs", "the low-frequency stage", "that of the loss on depth and normals"];
-        (0..names.len()).find(|&k| (before[k]..now[k]).contains(&done)).map(|k| names[k])
+        (0..names.len()).find(|&k| before[k] < former && (before[k]..now[k]).contains(&done)).map(|k| names[k])
     }
 
     /// The schedule for `views` training photographs.

@@ -35,12 +35,13 @@ fn splats_on_surfaces_begin_with_the_shape_that_is_asked_for() {
         settings.geometry.stereo_opacity = opacity;
         let (report, input) = found(&gpu, &dataset, &settings, true);
         assert!(report.splats > 50 && report.reduced_to.is_none(), "{report:?}");
-        (report.splats, input.initial)
+        ([report.splats, report.contradicted], input.initial)
     };
-    let (count, plain) = begun(1.0, 1.0, 0.1);
+    let ([count, contradicted], plain) = begun(1.0, 1.0, 0.1);
     let (again, asked) = begun(0.5, 0.25, 0.75);
     let points = plain.len() - count;
-    assert_eq!((again, points), (count, dataset.points.len()));
+    assert_eq!((again, points), ([count, contradicted], dataset.points.len() - contradicted));
+    assert!(contradicted > 0 && 20 * contradicted < dataset.points.len(), "{contradicted} of the wrong points");
     assert_eq!(asked.means, plain.means);
     for i in 0..plain.len() {
         let on_surface = i >= points;
