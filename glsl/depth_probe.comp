@@ -1,6 +1,6 @@
 #version 460
 // depth_probe: per pixel (median depth, front, behind, final transmittance), of the splats, lists and decisions of blend_forward.
-// The median depth is the camera z of the splat at which the transmittance falls to 0.5 or below, 0 where it never does. Front and
+// The median depth is that of the splat, at the pixel, at which the transmittance falls to 0.5 or below, 0 where it never does. Front and
 // behind are the sums of the weights of splats nearer than 0.98 and farther than 1.02 times the known depth, 0 where none is known.
 // One thread owns a pixel; a workgroup of 64 threads owns a block of 8x8 pixels, which lies in one tile.
 //! texels

@@ -125,8 +125,10 @@ struct Share {
     float v;
 };
 
-// Moves a pixel back to the front of a splat, whose depth at the pixel is `depth`. `reached`: the splat is not after the pixel's last contributor.
-Share step_back(inout float transmittance, inout float behind, vec3 grad, vec4 grad_aux, Splat s, float power, float depth, bool reached) {
+// Moves a pixel back to the front of a splat, whose depth at the pixel is `depth`. `reached`: the splat is not after the
+// pixel's last contributor.
+Share step_back(inout float transmittance, inout float behind, vec3 grad, vec4 grad_aux, Splat s, float power,
+                float depth, bool reached) {
     float unclamped = unclamped_alpha(power, s.opacity);
     unclamped = reached ? unclamped : 0.0;
     const float alpha = min(unclamped, ALPHA_MAX);

@@ -18,8 +18,8 @@ pub struct Grad2d<R> {
     pub normal: [R; 3],
 }
 
-/// Gradients of the 59 parameters (the slopes of the depth count as constants) of a splat that is on the image with colour `colour` (0 where it was clamped; see
-/// [`crate::pass::camera::Projection::black_learns`]).
+/// Gradients of the 59 parameters of a splat that is on the image with colour `colour` (0 where it was clamped; see
+/// [`crate::pass::camera::Projection::black_learns`]). The slopes of the depth count as constants.
 pub fn project_backward<R: Real>(splat: &Splat<R>, view: &TwinCamera<R>, colour: [R; 3], g: &Grad2d<R>) -> Splat<R> {
     let o = R::zero();
     let (p, e) = project::geometry(splat, view);
