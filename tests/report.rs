@@ -13,6 +13,7 @@ mod geometry;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use common::browser::chromium;
 use image::{Rgb, RgbImage};
 use psrgs_vk::eval::{
     Curve, CurveForm, DepthMap, ExposureScores, Geometry, ImageScore, Metrics, ReportData, ReportError, StagePanel,
@@ -430,11 +431,6 @@ fn metrics_have_exactly_the_promised_keys() {
     if cfg!(target_os = "linux") {
         assert!(psrgs_vk::eval::peak_host_bytes().unwrap() > 1_000_000);
     }
-}
-
-fn chromium() -> Option<PathBuf> {
-    let names = ["chromium", "chromium-browser", "google-chrome"];
-    std::env::split_paths(&std::env::var_os("PATH")?).flat_map(|dir| names.map(|n| dir.join(n))).find(|p| p.is_file())
 }
 
 /// Loads the page in a headless browser, with an appended script that writes findings into the document. Returns the

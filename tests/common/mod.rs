@@ -1,6 +1,7 @@
 //! Helpers that the integration tests share.
 #![allow(dead_code, unreachable_pub)]
 
+pub mod browser;
 pub mod guards;
 pub mod plane_scene;
 pub mod skips;
