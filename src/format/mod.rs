@@ -16,6 +16,7 @@ pub(crate) mod markup;
 pub mod names;
 pub mod ply;
 pub(crate) mod source;
+pub mod splats;
 mod text;
 mod transform_file;
 

@@ -34,6 +34,7 @@ pub use cloud::{Cloud, Content, read_content, read_content_with};
 pub(crate) use colours::of_numbers as colours_of_numbers;
 pub use mesh::Mesh;
 pub use read::{read, read_with};
+pub(super) use write::inconsistent;
 pub use write::write;
 
 /// Spherical harmonics coefficients per colour channel without the constant one, by degree.

@@ -2,6 +2,7 @@
 
 mod checkpoints;
 mod clouds;
+mod compact;
 mod meshes;
 mod models;
 mod pictures;

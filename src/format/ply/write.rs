@@ -20,7 +20,7 @@ pub fn write(file: &Path, model: &Model) -> Result<(), Error> {
 }
 
 /// Why planes differ in their number of splats; `None` where they agree.
-fn inconsistent(g: &Gaussians) -> Option<String> {
+pub(in crate::format) fn inconsistent(g: &Gaussians) -> Option<String> {
     let n = g.len();
     let planes = [("means", &g.means, 3), ("quats", &g.quats, 4), ("scales", &g.scales, 3)];
     let sh = g.sh.iter().map(|plane| ("sh", plane, SH_GROUP_FLOATS));
