@@ -115,3 +115,32 @@ fn every_crate_has_an_allowed_licence() {
     assert!(refused.is_empty(), "{refused:#?}");
     assert!(packages.len() > 50, "only {} crates are listed", packages.len());
 }
+
+/// The files of the viewer, which HTML files contain, are those of the npm package that their README names.
+#[cfg(feature = "html-viewer")]
+#[test]
+fn viewer_files_have_the_hashes_of_the_npm_package() {
+    use psrgs_supersplat_viewer as viewer;
+    use sha2::{Digest, Sha256};
+
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/supersplat-viewer");
+    let readme = std::fs::read_to_string(folder.join("README.md")).unwrap();
+    for (name, bytes) in [("index.js", viewer::js()), ("index.css", viewer::css()), ("index.html", viewer::html())] {
+        let hash: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        assert!(readme.contains(&format!("| `{name}` | `{hash}` |")), "{name} of {} bytes: {hash}", bytes.len());
+    }
+    let script = String::from_utf8(viewer::js()).unwrap();
+    assert!(script.contains(&format!("const version$1 = \"{}\";", viewer::ENGINE_VERSION)), "version of the engine");
+    assert!(script.contains(&format!("var version = \"{}\";", viewer::VERSION)), "version of the viewer");
+    for version in [viewer::VERSION, viewer::ENGINE_VERSION] {
+        assert!(readme.contains(&format!("| {version} | MIT |")), "{version}");
+    }
+    let sha512 = readme.split("sha512-").nth(1).and_then(|rest| rest.split_whitespace().next()).unwrap();
+    assert!(sha512.len() == 88 && sha512.ends_with("=="), "npm's integrity hash: {sha512}");
+    for (name, licence) in viewer::LICENSES {
+        assert!(licence.contains("Permission is hereby granted, free of charge"), "{name}: not the MIT licence");
+    }
+    let credits = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/CREDITS.md");
+    let credits = std::fs::read_to_string(credits).unwrap();
+    assert!(credits.contains("supersplat-viewer") && credits.contains("PlayCanvas"), "CREDITS names no viewer");
+}

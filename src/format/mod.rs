@@ -8,6 +8,8 @@ mod error;
 mod exposure_file;
 pub(crate) mod foreign;
 mod frame_file;
+#[cfg(feature = "html-viewer")]
+pub mod html;
 pub mod image_out;
 pub mod las;
 mod left_out;

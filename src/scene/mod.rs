@@ -12,6 +12,8 @@ pub mod sh;
 mod sh_rotation;
 mod similarity;
 pub mod tile;
+mod upright;
+pub mod viewpoints;
 
 pub use camera::Camera;
 pub use coordinates::{Coordinates, Geodetic};
@@ -21,6 +23,7 @@ pub use morton::rows_of;
 pub use real::Real;
 pub use similarity::{NoSimilarity, Similarity};
 pub use tile::TileGrid;
+pub use upright::{turn, up_of};
 
 /// An affine map of colours from 0 to 1, row-major: it takes (r, g, b, 1) of a render to the colour in the photograph.
 pub type ExposureMatrix = [[f64; 4]; 3];

@@ -17,11 +17,11 @@ use image::RgbImage;
 use super::colormap::Colormap;
 use super::{ImageScore, Metrics};
 use crate::format::atomic;
-use crate::format::markup::escape;
+use crate::format::markup::{escape, fill};
 use crate::numbers::{counted, fraction, grouped};
 use panel::{STORAGES, Storage};
 use scores::{numbers, scores, tiles, trained};
-use text::{decibels, fill, link, significant};
+use text::{decibels, link, significant};
 
 /// Largest size of the pictures on a page, as data addresses, bytes.
 const PICTURE_BUDGET: usize = 18_000_000;

@@ -6,9 +6,9 @@ use image::codecs::jpeg::JpegEncoder;
 use image::imageops::{self, FilterType};
 use image::{ImageFormat, Rgb, RgbImage};
 
-use super::text::base64;
 use super::{DepthMap, ReportError};
 use crate::eval::colormap::Colormap;
+use crate::format::markup::base64;
 
 /// How pictures are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,28 +1,7 @@
-//! Numbers and text for people, and the page's templates.
+//! Numbers and text for people.
 
 use crate::numbers::fraction;
 use std::fmt::Write;
-
-/// Replaces each `{{key}}` of a template, in one pass over the template: values are never searched.
-pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
-    let mut out = String::new();
-    let mut rest = template;
-    while let Some((before, after)) = rest.split_once("{{") {
-        out.push_str(before);
-        match after.split_once("}}") {
-            Some((key, tail)) => {
-                out.push_str(values.iter().find(|(k, _)| *k == key).map_or("", |(_, v)| v));
-                rest = tail;
-            }
-            None => {
-                out.push_str("{{");
-                rest = after;
-            }
-        }
-    }
-    out.push_str(rest);
-    out
-}
 
 /// Bytes with a decimal unit.
 pub(super) fn bytes(n: u64) -> String {
@@ -86,20 +65,6 @@ pub(super) fn decibels(value: Option<f64>) -> String {
     value.map_or_else(|| "\u{2013}".into(), |v| if v.is_finite() { fraction(v, 2) } else { "\u{221e}".into() })
 }
 
-/// Base64 with padding (RFC 4648).
-pub(super) fn base64(data: &[u8]) -> String {
-    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(data.len().div_ceil(3) * 4);
-    for chunk in data.chunks(3) {
-        let word = chunk.iter().fold(0u32, |w, &b| w << 8 | u32::from(b)) << (8 * (3 - chunk.len()));
-        for k in 0..4 {
-            let symbol = ALPHABET[(word >> (18 - 6 * k) & 63) as usize];
-            out.push(if k <= chunk.len() { char::from(symbol) } else { '=' });
-        }
-    }
-    out
-}
-
 /// A file's relative address: percent-encoded where needed.
 pub(super) fn link(path: &str) -> String {
     path.bytes().fold(String::new(), |mut out, b| {
@@ -116,7 +81,6 @@ pub(super) fn link(path: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::format::markup::escape;
 
     #[test]
     fn people_read_numbers() {
@@ -136,18 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn base64_vectors_of_the_rfc() {
-        let cases =
-            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg=="), ("foobar", "Zm9vYmFy")];
-        for (plain, coded) in cases {
-            assert_eq!(base64(plain.as_bytes()), coded);
-        }
-    }
-
-    #[test]
-    fn templates_and_escapes() {
-        assert_eq!(fill("a {{x}} b {{y}} {{none}}c {{", &[("x", "{{y}}"), ("y", "2")]), "a {{y}} b 2 c {{");
-        assert_eq!(escape("<a href=\"x\">&'"), "&lt;a href=&quot;x&quot;&gt;&amp;&#39;");
+    fn links_are_percent_encoded() {
         assert_eq!(link("a b/ä.ply"), "a%20b/%C3%A4.ply");
     }
 }
