@@ -20,6 +20,7 @@
 mod cloud;
 mod colours;
 mod columns;
+mod compressed;
 mod header;
 mod mesh;
 mod read;
@@ -32,10 +33,11 @@ use crate::scene::{Frame, Gaussians, Similarity};
 
 pub use cloud::{Cloud, Content, read_content, read_content_with};
 pub(crate) use colours::of_numbers as colours_of_numbers;
+pub use compressed::encode_compressed;
 pub use mesh::Mesh;
 pub use read::{read, read_with};
 pub(super) use write::inconsistent;
-pub use write::write;
+pub use write::{write, write_degree};
 
 /// Spherical harmonics coefficients per colour channel without the constant one, by degree.
 pub(super) const REST_BY_DEGREE: [usize; 4] = [0, 3, 8, 15];
@@ -89,6 +91,22 @@ pub fn save_staged(
 }
 
 impl Model {
+    /// The model with the splats of the given rows only, in ascending order.
+    pub fn rows(&self, rows: &[u32]) -> Self {
+        let mut gaussians = self.gaussians.rows(rows);
+        gaussians.ids = (0..rows.len() as u32).collect();
+        let first = |count: usize| rows.partition_point(|row| (*row as usize) < count);
+        Self {
+            gaussians,
+            sh_degree: self.sh_degree,
+            shift: self.shift,
+            antialias: self.antialias,
+            constrained: self.constrained.map(first),
+            version: self.version.clone(),
+            left_out: self.left_out.clone(),
+        }
+    }
+
     /// The splats in scene coordinates.
     pub fn in_scene(&self, frame: &Frame) -> Gaussians {
         frame.gaussians_to_scene(&self.gaussians, self.shift)

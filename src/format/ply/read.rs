@@ -3,10 +3,11 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
+use std::ops::Range;
 use std::path::Path;
 
 use super::header::{self, Element, Encoding, Header, Kind};
-use super::{Model, REST_BY_DEGREE};
+use super::{Model, REST_BY_DEGREE, compressed};
 use crate::format::{At, Error, Tally, source};
 use crate::numbers::counted;
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
@@ -24,6 +25,9 @@ pub fn read(file: &Path) -> Result<Model, Error> {
 pub fn read_with(file: &Path, strict: bool) -> Result<Model, Error> {
     let (header, vertices, mut rows) = open(file)?;
     let vertex = &header.elements[vertices];
+    if compressed::is_compressed(vertex) {
+        return compressed::read(file, &header, &mut rows, strict);
+    }
     let columns = Columns::find(file, vertex)?;
     rows.go_to(&header, vertices)?;
     let mut tally = Tally::new(strict);
@@ -31,19 +35,11 @@ pub fn read_with(file: &Path, strict: bool) -> Result<Model, Error> {
     let mut model = Model { gaussians, sh_degree: columns.degree, ..Model::default() };
     read_comments(file, &header, &mut model)?;
     if !bad.is_empty() {
-        model = without(model, &bad);
+        let good = (0..model.gaussians.len() as u32).filter(|row| bad.binary_search(row).is_err());
+        model = model.rows(&good.collect::<Vec<_>>());
     }
     model.left_out = tally.end(file, "splats", model.gaussians.len())?;
     Ok(model)
-}
-
-/// The model without the splats `bad`, which are in ascending order.
-fn without(model: Model, bad: &[u32]) -> Model {
-    let rows: Vec<u32> = (0..model.gaussians.len() as u32).filter(|row| bad.binary_search(row).is_err()).collect();
-    let mut gaussians = model.gaussians.rows(&rows);
-    gaussians.ids = (0..rows.len() as u32).collect();
-    let first = |count: usize| rows.partition_point(|row| (*row as usize) < count);
-    Model { gaussians, constrained: model.constrained.map(first), ..model }
 }
 
 /// The header, the index of the vertex element, and the data.
@@ -80,9 +76,6 @@ impl Columns {
     fn find(file: &Path, vertex: &Element) -> Result<Self, Error> {
         let fail = |problem: String| Error::malformed(file, "element vertex", At::Byte(vertex.at), problem);
         let has = |name: &str| vertex.properties.iter().any(|p| p.name == name);
-        if has("packed_position") {
-            return Err(fail("this is SuperSplat's compressed layout; export the model uncompressed".to_owned()));
-        }
         let required = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2"];
         if let Some(name) = required.iter().chain(&["rot_0", "rot_1", "rot_2", "rot_3"]).find(|name| !has(name)) {
             return Err(fail(format!("the property '{name}' is missing: this is not a 3D Gaussian model")));
@@ -189,13 +182,19 @@ impl<'a> Rows<'a> {
 
     /// Skips the elements before number `element`, and checks that the file can hold that element.
     pub(super) fn go_to(&mut self, header: &Header, element: usize) -> Result<(), Error> {
-        for before in &header.elements[..element] {
+        self.skip(header, 0..element)?;
+        self.check_fits(&header.elements[element])
+    }
+
+    /// Skips the elements of a range, of which the first comes next.
+    pub(super) fn skip(&mut self, header: &Header, elements: Range<usize>) -> Result<(), Error> {
+        for before in header.elements.get(elements).unwrap_or_default() {
             self.check_fits(before)?;
             if !self.takes_nothing(before) {
                 (0..before.count).try_for_each(|i| self.row(before, i, |_, _| ()))?;
             }
         }
-        self.check_fits(&header.elements[element])
+        Ok(())
     }
 
     /// Skips an element that may have lists.
@@ -222,7 +221,7 @@ impl<'a> Rows<'a> {
     }
 
     /// Checks that the file can hold all rows of an element, before memory is allocated.
-    fn check_fits(&self, element: &Element) -> Result<(), Error> {
+    pub(super) fn check_fits(&self, element: &Element) -> Result<(), Error> {
         let field = || format!("element {}", element.name);
         if element.has_list && (self.encoding != Encoding::Ascii || element.name == "vertex") {
             let problem = "lists are not supported in or before the vertices";

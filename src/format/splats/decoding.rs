@@ -13,7 +13,7 @@ const FREE: u64 = 4096;
 const PER_BYTE: u64 = 2;
 
 /// The number of splats that a file of `bytes` bytes claims, if the file may have as many.
-pub(super) fn splat_count(file: &Path, claimed: u64, bytes: usize, at: At) -> Result<usize, Error> {
+pub(in crate::format) fn splat_count(file: &Path, claimed: u64, bytes: usize, at: At) -> Result<usize, Error> {
     let most = (PER_BYTE.saturating_mul(bytes as u64).saturating_add(FREE)).min(u64::from(u32::MAX));
     if claimed > most {
         let problem = format!("is {claimed}, and a file of {bytes} bytes holds fewer splats: copy the file again");
@@ -24,7 +24,7 @@ pub(super) fn splat_count(file: &Path, claimed: u64, bytes: usize, at: At) -> Re
 
 /// The model without the splats that are not finite. A few are left out and told, see [`Model::left_out`]; where
 /// `strict` is set or where they are more than one in ten, they are an error.
-pub(super) fn finished(file: &Path, mut model: Model, strict: bool) -> Result<Model, Error> {
+pub(in crate::format) fn finished(file: &Path, mut model: Model, strict: bool) -> Result<Model, Error> {
     let mut tally = Tally::new(strict);
     if let Some(rows) = model.gaussians.finite_rows() {
         let all = model.gaussians.len();
@@ -33,20 +33,19 @@ pub(super) fn finished(file: &Path, mut model: Model, strict: bool) -> Result<Mo
             let error = Error::malformed(file, format_args!("splat {row}"), At::Byte(0), "a value is not finite");
             tally.bad(format_args!("splat {row}"), error)?;
         }
-        model.gaussians = model.gaussians.rows(&rows);
-        model.gaussians.ids = (0..rows.len() as u32).collect();
+        model = model.rows(&rows);
     }
     model.left_out = tally.end(file, "splats", model.gaussians.len())?;
     Ok(model)
 }
 
 /// The error for a file that ends too early or is damaged.
-pub(super) fn damaged(file: &Path, field: impl Display, at: At, problem: impl Display) -> Error {
+pub(in crate::format) fn damaged(file: &Path, field: impl Display, at: At, problem: impl Display) -> Error {
     Error::malformed(file, field, at, format_args!("{problem}: copy or export the file again"))
 }
 
 /// A quaternion from its three smaller components, with the largest one positive.
-pub(super) fn with_largest(largest: usize, smaller: [f32; 3]) -> [f32; 4] {
+pub(in crate::format) fn with_largest(largest: usize, smaller: [f32; 3]) -> [f32; 4] {
     let rest: f32 = smaller.iter().map(|v| v * v).sum();
     let mut out = [(1.0 - rest).max(0.0).sqrt(); 4];
     (0..4).filter(|k| *k != largest).zip(smaller).for_each(|(k, v)| out[k] = v);
@@ -54,6 +53,6 @@ pub(super) fn with_largest(largest: usize, smaller: [f32; 3]) -> [f32; 4] {
 }
 
 /// Sets coefficient `k` of a channel of splat `i`.
-pub(super) fn set_coefficient(g: &mut Gaussians, i: usize, k: usize, channel: usize, value: f32) {
+pub(in crate::format) fn set_coefficient(g: &mut Gaussians, i: usize, k: usize, channel: usize, value: f32) {
     g.sh[k / 4][crate::scene::SH_GROUP_FLOATS * i + 3 * (k % 4) + channel] = value;
 }

@@ -4,7 +4,7 @@ use super::super::ply::inconsistent;
 use crate::scene::{Gaussians, SH_GROUP_FLOATS};
 
 /// Largest logit of an opacity that is read: the sigmoid of 16 is 1 in f32, and no gradient moves an infinite logit.
-pub(super) const MAX_LOGIT: f32 = 16.0;
+pub(in crate::format) const MAX_LOGIT: f32 = 16.0;
 
 /// Why a model cannot be written in a format.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -48,7 +48,7 @@ pub enum EncodeError {
 }
 
 /// Refuses planes of different lengths, and the first value that is not finite.
-pub(super) fn check(g: &Gaussians) -> Result<(), EncodeError> {
+pub(in crate::format) fn check(g: &Gaussians) -> Result<(), EncodeError> {
     if let Some(problem) = inconsistent(g) {
         return Err(EncodeError::Inconsistent(problem));
     }
@@ -65,36 +65,41 @@ pub(super) fn check(g: &Gaussians) -> Result<(), EncodeError> {
 }
 
 /// The byte nearest to `value`.
-pub(super) fn byte(value: f64) -> u8 {
+pub(in crate::format) fn byte(value: f64) -> u8 {
     value.round().clamp(0.0, 255.0) as u8
 }
 
 /// An opacity as a byte: 255 is opaque.
-pub(super) fn alpha_byte(logit: f32) -> u8 {
+pub(in crate::format) fn alpha_byte(logit: f32) -> u8 {
     byte(255.0 / (1.0 + (-f64::from(logit)).exp()))
 }
 
 /// The logit of an opacity given as a byte.
-pub(super) fn logit_of_alpha(alpha: u8) -> f32 {
+pub(in crate::format) fn logit_of_alpha(alpha: u8) -> f32 {
     let opacity = f64::from(alpha) / 255.0;
     ((opacity / (1.0 - opacity)).ln() as f32).clamp(-MAX_LOGIT, MAX_LOGIT)
 }
 
 /// The unit quaternion (w, x, y, z) of a splat; the identity where the quaternion is too short to have a direction.
-pub(super) fn unit_quat(g: &Gaussians, i: usize) -> [f64; 4] {
+pub(in crate::format) fn unit_quat(g: &Gaussians, i: usize) -> [f64; 4] {
     let q: [f64; 4] = std::array::from_fn(|k| f64::from(g.quats[4 * i + k]));
     let length = q.iter().map(|v| v * v).sum::<f64>().sqrt();
     if length < 1e-12 { [1.0, 0.0, 0.0, 0.0] } else { q.map(|v| v / length) }
 }
 
 /// Index of the component of the largest magnitude, and the quaternion of the same rotation in which it is positive.
-pub(super) fn largest_first(q: [f64; 4]) -> (usize, [f64; 4]) {
+pub(in crate::format) fn largest_first(q: [f64; 4]) -> (usize, [f64; 4]) {
     let largest = (1..4).fold(0, |best, k| if q[k].abs() > q[best].abs() { k } else { best });
     (largest, if q[largest] < 0.0 { q.map(|v| -v) } else { q })
 }
 
+/// Coefficient `k` (from 0, the constant one) of a channel of splat `i`.
+pub(in crate::format) fn coefficient(g: &Gaussians, i: usize, k: usize, channel: usize) -> f32 {
+    g.sh[k / 4][SH_GROUP_FLOATS * i + 3 * (k % 4) + channel]
+}
+
 /// Number of spherical harmonics beyond the constant one that a file of this degree has per channel.
-pub(super) fn rest(degree: u32) -> usize {
+pub(in crate::format) fn rest(degree: u32) -> usize {
     super::super::ply::REST_BY_DEGREE[degree.min(3) as usize]
 }
 

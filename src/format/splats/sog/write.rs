@@ -6,12 +6,16 @@ use std::io::{Cursor, Write};
 use rayon::prelude::*;
 use zip::write::SimpleFileOptions;
 
-use super::super::encoding::{alpha_byte, byte, check, largest_first, unit_quat};
-use super::super::{EncodeError, codebook};
-use super::{Asset, Coded, Files, MOST_SIDE, Means, Meta, picture_size};
+use super::super::encoding::{alpha_byte, byte, check, coefficient, largest_first, rest, unit_quat};
+use super::super::{EncodeError, codebook, palette};
+use super::{Asset, Coded, Files, MOST_SIDE, Means, Meta, PALETTE_ROW, Palette, picture_size};
 use crate::format::ply::Model;
-use crate::scene::{Gaussians, SH_GROUP_FLOATS};
+use crate::scene::Gaussians;
 
+/// Splats for each entry of the palette of harmonics, and entries that a palette has at least and at most.
+const SPLATS_PER_ENTRY: usize = 8;
+const SMALL_PALETTE: usize = 1024;
+const LARGE_PALETTE: usize = 65_536;
 /// Steps of a position between the least and the largest one.
 const STEPS: f64 = 65_535.0;
 
@@ -26,12 +30,21 @@ pub fn encode(model: &Model, sh_degree: u32) -> Result<Vec<u8>, EncodeError> {
     if size.0.max(size.1) > MOST_SIDE {
         return Err(EncodeError::TooMany { splats: g.len(), most: MOST_SIDE * MOST_SIDE });
     }
-    let _ = sh_degree;
-    let ((means, quats), (scales, sh0)) = rayon::join(
+    let degree = sh_degree.min(model.sh_degree).min(3);
+    let ((means, quats), ((scales, sh0), harmonics)) = rayon::join(
         || rayon::join(|| means_pictures(g, size), || quats_picture(g, size)),
-        || rayon::join(|| scales_picture(g, size), || sh0_picture(g, size)),
+        || {
+            let small = || rayon::join(|| scales_picture(g, size), || sh0_picture(g, size));
+            rayon::join(small, || (degree > 0).then(|| harmonics_pictures(g, degree, size)).transpose())
+        },
     );
     let ((mins, maxs, low, high), (scales_codebook, scales), (sh0_codebook, sh0)) = (means?, scales?, sh0?);
+    let (sh_rest, sh_pictures) = match harmonics? {
+        Some((palette, centroids, labels)) => {
+            (Some(palette), vec![("shN_centroids", centroids), ("shN_labels", labels)])
+        }
+        None => (None, Vec::new()),
+    };
     let files = |name: &str| Files { files: [format!("{name}.webp")] };
     let meta = Meta {
         version: 2,
@@ -45,9 +58,10 @@ pub fn encode(model: &Model, sh_degree: u32) -> Result<Vec<u8>, EncodeError> {
         scales: Coded { codebook: scales_codebook, pictures: files("scales") },
         quats: files("quats"),
         sh0: Coded { codebook: sh0_codebook, pictures: files("sh0") },
-        sh_rest: None,
+        sh_rest,
     };
-    let pictures = vec![("means_l", low), ("means_u", high), ("quats", quats?), ("scales", scales), ("sh0", sh0)];
+    let mut pictures = vec![("means_l", low), ("means_u", high), ("quats", quats?), ("scales", scales), ("sh0", sh0)];
+    pictures.extend(sh_pictures);
     archive(&meta, pictures)
 }
 
@@ -140,9 +154,36 @@ fn scales_picture(g: &Gaussians, size: (usize, usize)) -> Result<(Vec<f32>, Vec<
 }
 
 fn sh0_picture(g: &Gaussians, size: (usize, usize)) -> Result<(Vec<f32>, Vec<u8>), EncodeError> {
-    let colour = |i: usize, c: usize| g.sh[0][SH_GROUP_FLOATS * i + c];
+    let colour = |i: usize, c: usize| coefficient(g, i, 0, c);
     let codebook = codebook::of((0..3 * g.len()).into_par_iter().map(|k| colour(k / 3, k % 3)));
     let index = |i: usize, c: usize| codebook::nearest(&codebook, colour(i, c));
     let picture = picture(g.len(), size, |i| [index(i, 0), index(i, 1), index(i, 2), alpha_byte(g.opacities[i])])?;
     Ok((codebook, picture))
+}
+
+/// Entry of `meta.json`, palette and labels.
+type HarmonicsPictures = (Palette, Vec<u8>, Vec<u8>);
+
+fn harmonics_pictures(g: &Gaussians, degree: u32, size: (usize, usize)) -> Result<HarmonicsPictures, EncodeError> {
+    let coefficients = rest(degree);
+    let rows: Vec<f32> = (0..g.len())
+        .into_par_iter()
+        .flat_map_iter(|i| (0..3 * coefficients).map(move |at| coefficient(g, i, 1 + at / 3, at % 3)))
+        .collect();
+    let most = (g.len() / SPLATS_PER_ENTRY).clamp(SMALL_PALETTE, LARGE_PALETTE);
+    let found = palette::of(&rows, 3 * coefficients, most);
+    let codebook = codebook::of(found.entries.par_iter().copied());
+    let entries = found.entries.len() / (3 * coefficients);
+    let centroids_size = (PALETTE_ROW * coefficients, entries.div_ceil(PALETTE_ROW).max(1));
+    let centroids = picture(entries * coefficients, centroids_size, |at| {
+        let index = |c: usize| codebook::nearest(&codebook, found.entries[3 * at + c]);
+        [index(0), index(1), index(2), 255]
+    })?;
+    let labels = picture(g.len(), size, |i| {
+        let [low, high, ..] = found.labels[i].to_le_bytes();
+        [low, high, 0, 255]
+    })?;
+    let files = ["shN_centroids.webp".to_owned(), "shN_labels.webp".to_owned()];
+    let palette = Palette { count: entries as u64, bands: degree, codebook, pictures: Files { files } };
+    Ok((palette, centroids, labels))
 }

@@ -1,0 +1,101 @@
+//! Where the splats of a file are: models moved to their middle or turned upright, and the way back in a file beside.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use crate::format::ply::Model;
+use crate::format::{Error, atomic, read_transform};
+use crate::scene::Similarity;
+
+/// Ending of the name of the file beside a model.
+const BESIDE: &str = ".frame.json";
+
+/// The file beside a model, `NAME.frame.json`, that leads from dataset coordinates to those of the model: an object
+/// with `transform`, a 4x4 matrix, and `scale`.
+pub fn file_beside(model: &Path) -> PathBuf {
+    let mut name = model.file_name().unwrap_or_default().to_owned();
+    name.push(BESIDE);
+    model.with_file_name(name)
+}
+
+/// A model in the coordinates of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Turned {
+    /// The splats as they are written. Its shift is zero where the model is turned.
+    pub model: Model,
+    /// From dataset coordinates to those of the file.
+    pub to_file: Similarity,
+}
+
+impl Turned {
+    /// Moves a model so that the median of its means is the origin where `centred` is set, then turns the direction
+    /// `up` of the model to -y, the up of viewers.
+    pub fn new(model: &Model, centred: bool, up: Option<[f64; 3]>) -> Self {
+        let centre = if centred { median(&model.gaussians.means) } else { [0.0; 3] };
+        let turn = up.map_or(Similarity::IDENTITY, |up| Similarity::turning(up, [0.0, -1.0, 0.0]));
+        // Moving is exact enough in f64; f32 holds the small numbers that remain.
+        let moved = turn.after_shift(centre.map(|v| -v));
+        let gaussians =
+            if moved == Similarity::IDENTITY { model.gaussians.clone() } else { moved.gaussians(&model.gaussians) };
+        let shift: [f64; 3] = std::array::from_fn(|k| model.shift[k] + centre[k]);
+        let to_file = turn.after_shift(shift.map(|v| -v));
+        let is_turned = turn.rotation != Similarity::IDENTITY.rotation;
+        let model = Model { gaussians, shift: if is_turned { [0.0; 3] } else { shift }, ..without_splats(model) };
+        Self { model, to_file }
+    }
+
+    /// Writes the file beside a model, or removes an old one where dataset and file have the same coordinates or the
+    /// model's file holds the shift (`holds_shift`). The result says whether there is one.
+    pub fn write_beside(&self, file: &Path, holds_shift: bool) -> Result<bool, Error> {
+        let beside = file_beside(file);
+        let told = holds_shift && self.to_file.rotation == Similarity::IDENTITY.rotation;
+        if told || self.to_file == Similarity::IDENTITY {
+            return match std::fs::remove_file(&beside) {
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(&beside, "remove")(e)),
+                _ => Ok(false),
+            };
+        }
+        let Similarity { rotation: r, translation: t, .. } = self.to_file;
+        let row = |k: usize| [r[k][0], r[k][1], r[k][2], t[k]];
+        let text = json!({"transform": [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]], "scale": self.to_file.scale});
+        atomic::write(&beside, |out| writeln!(out, "{text:#}"))?;
+        Ok(true)
+    }
+}
+
+/// The model in dataset coordinates less its shift, by the file beside it, if there is one.
+pub(super) fn placed(model: Model, file: &Path) -> Result<(Model, Option<PathBuf>), Error> {
+    let beside = file_beside(file);
+    if !beside.is_file() {
+        return Ok((model, None));
+    }
+    let to_dataset = read_transform(&beside)?.inverse();
+    // The translation is kept apart in f64.
+    let shift = to_dataset.point(model.shift);
+    let gaussians = Similarity { translation: [0.0; 3], ..to_dataset }.gaussians(&model.gaussians);
+    Ok((Model { gaussians, shift, ..model }, Some(beside)))
+}
+
+fn without_splats(model: &Model) -> Model {
+    Model {
+        sh_degree: model.sh_degree,
+        shift: model.shift,
+        antialias: model.antialias,
+        constrained: model.constrained,
+        version: model.version.clone(),
+        ..Model::default()
+    }
+}
+
+/// The median of each coordinate.
+fn median(means: &[f32]) -> [f64; 3] {
+    [0, 1, 2].map(|k| {
+        let mut values: Vec<f32> = means.iter().skip(k).step_by(3).copied().collect();
+        if values.is_empty() {
+            return 0.0;
+        }
+        let middle = values.len() / 2;
+        f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1)
+    })
+}
