@@ -14,6 +14,7 @@ mod device;
 mod driver_hint;
 mod eval;
 mod exit;
+mod export;
 mod exposure_args;
 mod finished;
 mod held_out;
@@ -54,6 +55,7 @@ Examples:
   psrgs-vk train fox --out quick --max-side 640 --iterations 2000
   psrgs-vk train --resume fox-model           go on after an interruption
   psrgs-vk eval fox-model/point_cloud.ply fox score a model on the held-out photographs
+  psrgs-vk export fox-model/point_cloud.ply --out fox.sog
   psrgs-vk demo --out demo-out                a made-up aerial scene, trained, with a report to look at
   psrgs-vk info                               devices, and what was picked on the one in use";
 
@@ -77,6 +79,7 @@ enum Command {
     Train(Box<train::Args>),
     Render(render::Args),
     Eval(eval::Args),
+    Export(Box<export::Args>),
     Demo(demo::Args),
     Bench(bench::Args),
     Check(check::Args),
@@ -165,6 +168,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
         Command::Train(args) => train::run(args, own, interrupt, console, started),
         Command::Render(args) => render::run(args, console),
         Command::Eval(args) => eval::run(args, console, started),
+        Command::Export(args) => export::run(args, console),
         Command::Demo(args) => demo::run(args, interrupt, console, started),
         Command::Bench(args) => bench::run(args, console),
         Command::Check(args) => check::run(args, own, console),

@@ -4,7 +4,7 @@ use clap::builder::PossibleValuesParser;
 use psrgs_vk::raster::ShStorage;
 use std::path::Path;
 
-use psrgs_vk::format::{FrameFile, ply};
+use psrgs_vk::format::{FrameFile, ply, splats};
 use psrgs_vk::numbers::counted;
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::raster::{DepthProbe, Picture, Planes, RenderView, Variants, Viewer};
@@ -76,11 +76,23 @@ impl ModelFile {
                 if instead.is_file() { format!("; its model is {}", instead.display()) } else { String::new() };
             return Err(Failure::Input(format!("{}: a folder, and a model is a file{remedy}", file.display())).into());
         }
-        let mut model = ply::read_with(file, strict)?;
-        model.left_out.iter().for_each(|left_out| console.warn(left_out));
         let given = frame.read()?;
-        let mut known_from = if model.version.is_some() { "written by psrgs-vk" } else { "assumed; else give --frame" };
+        // A frame that is given is that of the coordinates in the file.
+        let (mut model, by) = match &given {
+            Some(_) => (splats::read(file, strict)?, None),
+            None => {
+                let splats::Placed { model, by } = splats::read_placed(file, strict)?;
+                (model, by)
+            }
+        };
+        model.left_out.iter().for_each(|left_out| console.warn(left_out));
+        let mut known_from = match (&by, model.version.is_some()) {
+            (Some(_), _) => "by the .frame.json beside it",
+            (None, true) => "written by psrgs-vk",
+            (None, false) => "assumed; else give --frame",
+        };
         if given.is_none()
+            && by.is_none()
             && model.version.is_none()
             && model.shift == [0.0; 3]
             && let Some(beside) = FrameFile::beside(file)?
@@ -101,6 +113,16 @@ impl ModelFile {
             model.sh_degree
         ));
         Ok(Self { model, frame, bytes, antialias })
+    }
+
+    /// The model, in the coordinates of its file less its shift.
+    pub(crate) fn model(&self) -> &ply::Model {
+        &self.model
+    }
+
+    /// Another model in the same coordinates.
+    pub(crate) fn with_model(&self, model: ply::Model) -> Self {
+        Self { model, frame: self.frame.clone(), bytes: self.bytes, antialias: self.antialias }
     }
 
     /// Number of splats.
@@ -185,6 +207,11 @@ pub(crate) struct DrawingArgs {
 }
 
 impl DrawingArgs {
+    /// No savings.
+    pub(crate) fn exact() -> Self {
+        Self { sh_bits: "32".to_owned() }
+    }
+
     /// How spherical harmonics are stored.
     pub(crate) fn sh(&self) -> ShStorage {
         if self.sh_bits == "16" { ShStorage::Half } else { ShStorage::Full }

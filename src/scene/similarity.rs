@@ -72,37 +72,6 @@ impl Similarity {
         Self { scale: frame.scale, translation, ..Self::IDENTITY }
     }
 
-    /// The rotation by the smallest angle that turns one direction to another.
-    pub fn turning(from: [f64; 3], to: [f64; 3]) -> Self {
-        let unit = |v: [f64; 3]| {
-            let length = dot(&v, &v).sqrt();
-            v.map(|x| x / length)
-        };
-        let (a, b) = (unit(from), unit(to));
-        let cosine = dot(&a, &b);
-        if !(cosine > -1.0 + 1e-12) {
-            // Half a turn about any axis at a right angle to the direction; none for directions without length.
-            let least = (1..3).fold(0, |best, k| if a[k].abs() < a[best].abs() { k } else { best });
-            let mut other = [0.0; 3];
-            other[least] = 1.0;
-            let axis = unit(cross(&a, &other));
-            let rotation =
-                std::array::from_fn(|i| std::array::from_fn(|j| 2.0 * axis[i] * axis[j] - f64::from(u8::from(i == j))));
-            let known = cosine.is_finite();
-            return if known { Self { rotation, ..Self::IDENTITY } } else { Self::IDENTITY };
-        }
-        let [x, y, z] = cross(&a, &b);
-        let skew = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
-        // Rodrigues' formula, by sine and cosine of the angle.
-        let rotation = std::array::from_fn(|i| {
-            std::array::from_fn(|j| {
-                let square: f64 = (0..3).map(|k| skew[i][k] * skew[k][j]).sum();
-                f64::from(u8::from(i == j)) + skew[i][j] + square / (1.0 + cosine)
-            })
-        });
-        Self { rotation, ..Self::IDENTITY }
-    }
-
     /// A point in the target.
     pub fn point(&self, p: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|i| self.scale * dot(&self.rotation[i], &p) + self.translation[i])
@@ -165,12 +134,13 @@ fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
 fn determinant(m: &[[f64; 3]; 3]) -> f64 {
-    dot(&m[0], &cross(&m[1], &m[2]))
+    let cross = [
+        m[1][1] * m[2][2] - m[1][2] * m[2][1],
+        m[1][2] * m[2][0] - m[1][0] * m[2][2],
+        m[1][0] * m[2][1] - m[1][1] * m[2][0],
+    ];
+    dot(&m[0], &cross)
 }
 
 /// Hamilton's product: the rotation of `b`, then that of `a`.

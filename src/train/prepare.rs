@@ -27,7 +27,8 @@ use super::settings::{self, Settings, Transparent};
 use crate::dataset::{
     Colourless, Dataset, Decoding, HostShare, LoadOptions, MaskUse, NoColours, Role, Supply, Tone, Undecoded, Warning,
 };
-use crate::format::ply::{self, Cloud, Content};
+use crate::format::ply::{Cloud, Content};
+use crate::format::splats;
 use crate::format::{At, Error as FileError, LeftOut};
 use crate::scene::{Frame, Gaussians, init};
 
@@ -150,7 +151,7 @@ pub fn first(dataset: &Dataset, settings: &Settings) -> Result<FirstModel, Error
     let mut left_out = None;
     let (points, colourless): (Vec<_>, Option<Colourless>) = match settings.run.init.as_deref() {
         Some(file) => {
-            let (content, without) = ply::read_content_with(file, settings.photographs.strict)?;
+            let (content, without) = splats::read_content(file, settings.photographs.strict)?;
             left_out = without;
             match content {
                 Content::Model(model) if model.gaussians.is_empty() => return Err(empty(file, "splats")),

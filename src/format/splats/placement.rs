@@ -6,7 +6,7 @@ use serde_json::json;
 
 use crate::format::ply::Model;
 use crate::format::{Error, atomic, read_transform};
-use crate::scene::Similarity;
+use crate::scene::{self, Similarity};
 
 /// Ending of the name of the file beside a model.
 const BESIDE: &str = ".frame.json";
@@ -33,7 +33,8 @@ impl Turned {
     /// `up` of the model to -y, the up of viewers.
     pub fn new(model: &Model, centred: bool, up: Option<[f64; 3]>) -> Self {
         let centre = if centred { median(&model.gaussians.means) } else { [0.0; 3] };
-        let turn = up.map_or(Similarity::IDENTITY, |up| Similarity::turning(up, [0.0, -1.0, 0.0]));
+        let rotation = up.map_or(Similarity::IDENTITY.rotation, |up| scene::turn(up, [0.0, -1.0, 0.0]));
+        let turn = Similarity { rotation, ..Similarity::IDENTITY };
         // Moving is exact enough in f64; f32 holds the small numbers that remain.
         let moved = turn.after_shift(centre.map(|v| -v));
         let gaussians =

@@ -8,7 +8,10 @@
 //! | scale | 3: `16 (ln s + 10)` | 1/16 of the logarithm, from -10 to 5.9 |
 //! | rotation, version 2 | x, y, z as `127.5 q + 127.5` | 1/127.5 |
 //! | rotation, versions 3, 4 | 32 bits: index of the largest of x, y, z, w, and sign and 9 bits of the others | 1/723 |
-//! | harmonics | 1 each: `128 + 128 c`; multiples of 8 in degree 1, of 16 above | 1/16 and 1/8, from -1 to 1 |
+//! | harmonics | 1 each: `128 + 128 c`; even in degree 1, multiples of 4 above | 1/64 and 1/32, from -1 to 1 |
+//!
+//! The reference writer takes steps of 1/16 and 1/8 for harmonics, which are coarser than most harmonics of trained
+//! models are large. Readers need not know.
 //!
 //! The axes of a file are right, up, back: y and z of models are negated, so that the up of viewers, -y, is +y.
 //! Version 1 has positions of 16-bit floats; nothing writes that version any more.
