@@ -16,8 +16,8 @@ use std::process::Command;
 use common::browser::chromium;
 use image::{Rgb, RgbImage};
 use psrgs_vk::eval::{
-    Curve, CurveForm, DepthMap, ExposureScores, Geometry, ImageScore, Metrics, ReportData, ReportError, StagePanel,
-    TrainingScores, ViewPanel, render_report, write_report,
+    Curve, CurveForm, DepthMap, ExposureScores, Geometry, ImageScore, Interactive, Metrics, ReportData, ReportError,
+    StagePanel, TrainingScores, ViewPanel, render_report, write_report,
 };
 use psrgs_vk::world::{World, WorldParams};
 
@@ -126,6 +126,7 @@ fn example(views: usize, side: u32) -> ReportData {
         .map(|(a, b)| (a.into(), b.into()))
         .into(),
         notes: vec!["The scene is synthetic: its true depth lies in demo/depth.".into()],
+        model: None,
     }
 }
 
@@ -324,6 +325,31 @@ fn pages_stay_small() {
 }
 
 #[test]
+fn largest_model_leaves_the_page_below_its_limit() {
+    let noise = common::noise(5, 2000, 1000);
+    let text = |bytes: usize| -> String {
+        let letter = |v: &u8| char::from(b'a' + v % 16);
+        noise.as_raw().iter().cycle().take(bytes).map(letter).collect()
+    };
+    assert_eq!(Interactive::page(&text(40_000_000)), None, "too large for a page");
+    let mut data = example(1, 32);
+    data.model = Some(Interactive::page(&text(5_000_000)).expect("room"));
+    let with_model = render_report(&data).unwrap();
+    let [a, b] = [6, 7].map(|seed| common::noise(seed, 640, 480));
+    data.views[0].depth = None;
+    data.views[0].stages = None;
+    data.views[0].photograph = a;
+    data.views[0].render = b;
+    data.views = vec![data.views[0].clone(); 16];
+    let page = render_report(&data).unwrap();
+    assert!(page.len() < 20_000_000 && page.len() > with_model.len(), "{} bytes", page.len());
+    assert!(page.contains("id=\"model-page\"") && page.contains("src=\"data:image/"));
+    data.model = Some(Interactive::absent("No <viewer>."));
+    let without = render_report(&data).unwrap();
+    assert!(without.contains("No &lt;viewer&gt;.") && !without.contains("blob:"), "nothing is allowed needlessly");
+}
+
+#[test]
 fn empty_runs_have_a_page() {
     let data = ReportData {
         title: "Nothing".into(),
@@ -333,6 +359,7 @@ fn empty_runs_have_a_page() {
         views: vec![],
         files: vec![],
         notes: vec![],
+        model: None,
     };
     let page = render_report(&data).unwrap();
     assert!(!page.contains("NaN") && !page.contains(">inf"));

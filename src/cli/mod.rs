@@ -23,6 +23,7 @@ mod interrupt;
 mod lpips;
 mod model_file;
 mod model_frame;
+mod model_page;
 mod options;
 mod output_guard;
 mod outputs;

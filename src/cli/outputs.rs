@@ -72,7 +72,7 @@ pub(crate) fn write(
     let metrics = metrics.with_images(images).with_training(of_training);
     metrics.write(&run.folder.file(METRICS))?;
     let report = run.folder.file(REPORT);
-    let data = report::data(run, trainer.history(), metrics, panels, saved.exposures, sigmas)?;
+    let data = report::data(run, trainer.history(), metrics, panels, &saved, sigmas)?;
     eval::write_report(&data, &report)?;
     tell_misfits(&data.metrics.training_photographs, console);
     tell(&data.metrics, &saved.file, &report, console);

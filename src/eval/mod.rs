@@ -21,8 +21,8 @@ pub use metrics::{
     ExposureScores, ImageScore, Metrics, MetricsError, PhotographWait, Quality, Streaming, mean_seen, peak_host_bytes,
 };
 pub use report::{
-    Curve, CurveForm, DepthMap, REPORT_BYTES, ReportData, ReportError, StagePanel, ViewPanel, is_report, render_report,
-    write_report,
+    Curve, CurveForm, DepthMap, Interactive, REPORT_BYTES, ReportData, ReportError, StagePanel, ViewPanel, is_report,
+    render_report, write_report,
 };
 pub use seen::SeenPixels;
 pub use ssim::{psnr, psnr_where, ssim, ssim_where};

@@ -20,7 +20,7 @@ pub struct Viewpoint {
     pub position: [f64; 3],
     /// The point of the model in the middle of the picture, in half of all cases: at the median depth of what is seen.
     pub target: [f64; 3],
-    /// Angle of view along the longer side of the picture, degrees.
+    /// Angle of view in degrees along the longer side of a window of 4:3 in which the whole photograph has room.
     pub degrees: f64,
 }
 
@@ -98,7 +98,7 @@ impl<'a> Seen<'a> {
 
     fn viewpoint(&self) -> Viewpoint {
         let camera = self.camera;
-        let wide = (f64::from(camera.width) / camera.fx).max(f64::from(camera.height) / camera.fy);
+        let wide = (f64::from(camera.width) / camera.fx).max(4.0 / 3.0 * f64::from(camera.height) / camera.fy);
         Viewpoint {
             name: self.name.to_owned(),
             position: self.center.to_array(),
@@ -138,7 +138,8 @@ mod tests {
         let names: Vec<&str> = found.iter().map(|view| view.name.as_str()).collect();
         assert_eq!(names, ["middle", "side"], "neither a camera that sees little nor one that sees nothing");
         assert_eq!((found[0].position, found[0].target), ([0.0; 3], [0.0, 0.0, 2.0]));
-        assert!((found[0].degrees - 90.0).abs() < 1e-9);
+        let wide = 2.0 * (4.0_f64 / 3.0 * 0.8).atan().to_degrees();
+        assert!((found[0].degrees - wide).abs() < 1e-9, "the height of 80 pixels has room too");
         assert!(viewpoints(&Gaussians::zeros(0), &cameras, [0.0, -1.0, 0.0], 3).is_empty());
         assert!(viewpoints(&row_of_splats(), &cameras, [0.0, -1.0, 0.0], 0).is_empty());
     }

@@ -4,7 +4,9 @@ use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::{Value, json};
 
 /// The browser on this machine.
@@ -22,6 +24,8 @@ pub struct Browser {
     calls: u64,
     /// The open page.
     session: Option<String>,
+    /// Events that arrived since the browser was asked to tell of the network.
+    events: Option<Vec<Value>>,
 }
 
 impl Browser {
@@ -51,7 +55,7 @@ impl Browser {
             .expect("a browser");
         let to = OpenOptions::new().write(true).open(pipe("to")).expect("a pipe");
         let from = File::open(pipe("from")).expect("a pipe");
-        let mut browser = Self { process, to, from, left: Vec::new(), calls: 0, session: None };
+        let mut browser = Self { process, to, from, left: Vec::new(), calls: 0, session: None, events: None };
         let target = browser.call("Target.createTarget", json!({ "url": url }))["targetId"].clone();
         let attached = browser.call("Target.attachToTarget", json!({ "targetId": target, "flatten": true }));
         browser.session = Some(attached["sessionId"].as_str().expect("a session").to_owned());
@@ -62,7 +66,8 @@ impl Browser {
         browser
     }
 
-    /// Calls a method of the protocol and returns the result. Events that arrive meanwhile are dropped.
+    /// Calls a method of the protocol and returns the result. Events that arrive meanwhile are dropped, if nobody
+    /// [listens](Self::goto).
     pub fn call(&mut self, method: &str, params: Value) -> Value {
         self.calls += 1;
         let mut message = json!({ "id": self.calls, "method": method, "params": params });
@@ -76,6 +81,7 @@ impl Browser {
                 assert!(answer["error"].is_null(), "{method}: {answer}");
                 return answer["result"].clone();
             }
+            self.events.iter_mut().for_each(|events| events.push(answer.clone()));
         }
     }
 
@@ -92,11 +98,63 @@ impl Browser {
         }
     }
 
+    /// Goes to another page and listens to what the page asks for, see [`Self::asked_for`].
+    pub fn goto(&mut self, url: &str) {
+        self.events = Some(Vec::new());
+        for domain in ["Network", "Log", "Runtime"] {
+            self.call(&format!("{domain}.enable"), json!({}));
+        }
+        self.call("Page.navigate", json!({ "url": url }));
+    }
+
+    /// The addresses that the page of [`Self::goto`] has asked for, and the problems that it has met.
+    pub fn asked_for(&self) -> (Vec<String>, Vec<String>) {
+        let of = |method: &str| -> Vec<&Value> {
+            let events = self.events.iter().flatten();
+            events.filter(|event| event["method"] == method).map(|event| &event["params"]).collect()
+        };
+        let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+        let asked = of("Network.requestWillBeSent").into_iter().map(|event| text(&event["request"]["url"]));
+        let wrong =
+            of("Log.entryAdded").into_iter().map(|event| &event["entry"]).filter(|entry| entry["level"] == "error");
+        let problems = wrong.map(|entry| text(&entry["text"]));
+        let thrown = of("Runtime.exceptionThrown").into_iter().map(Value::to_string);
+        (asked.collect(), problems.chain(thrown).collect())
+    }
+
+    /// A picture of the visible part of the page.
+    pub fn picture(&mut self) -> image::RgbImage {
+        let data = self.call("Page.captureScreenshot", json!({ "format": "png" }))["data"].clone();
+        let png = BASE64_STANDARD.decode(data.as_str().expect("a picture")).expect("base64");
+        image::load_from_memory(&png).expect("a PNG").to_rgb8()
+    }
+
     /// The value of an expression in the page.
     pub fn value(&mut self, expression: &str) -> Value {
         let answer = self.call("Runtime.evaluate", json!({ "expression": expression, "returnByValue": true }));
         assert!(answer["exceptionDetails"].is_null(), "{expression}: {answer}");
         answer["result"]["value"].clone()
+    }
+
+    /// Waits until an expression of the page is true.
+    pub fn until(&mut self, expression: &str) {
+        let begun = Instant::now();
+        while self.value(expression) != Value::Bool(true) {
+            assert!(begun.elapsed() < Duration::from_secs(60), "never: {expression}; {:?}", self.asked_for().1);
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Clicks the middle of the element of a selector.
+    pub fn click(&mut self, selector: &str) {
+        let place = self.value(&format!(
+            "(() => {{ const e = document.querySelector('{selector}'); e.scrollIntoView({{ block: 'center' }}); \
+             const b = e.getBoundingClientRect(); return [b.left + b.width / 2, b.top + b.height / 2]; }})()"
+        ));
+        let at = [0, 1].map(|k| place[k].as_f64().expect("a number"));
+        for kind in ["mouseMoved", "mousePressed", "mouseReleased"] {
+            self.mouse(kind, at, kind == "mousePressed");
+        }
     }
 
     /// Presses and releases a key.

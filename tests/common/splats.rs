@@ -76,3 +76,30 @@ pub fn rounded(camera: Camera) -> Camera {
         ..camera
     }
 }
+
+/// A small model with cameras around it, as the page of a report.
+#[cfg(feature = "html-viewer")]
+pub fn page(title: &str) -> psrgs_vk::eval::Interactive {
+    let (mut random, mut model) = (seeded(3), psrgs_vk::scene::Gaussians::zeros(200));
+    for row in 0..model.len() {
+        model.opacities[row] = 2.0;
+        for k in 0..3 {
+            model.means[3 * row + k] = random.symmetric() as f32;
+            model.scales[3 * row + k] = -2.0;
+            model.sh[0][12 * row + k] = random.symmetric() as f32;
+        }
+        model.quats[4 * row] = 1.0;
+    }
+    let look = camera(320, 240);
+    let back = [(title.to_owned(), Camera { translation: [0.0, 0.0, 4.0], ..look })];
+    let html = psrgs_vk::format::html::Shown {
+        title,
+        gaussians: &model,
+        cameras: &back,
+        up: None,
+        sh_degree: 0,
+        background: [0.0; 3],
+        antialias: false,
+    };
+    psrgs_vk::eval::Interactive::page(&html.html().expect("a page")).expect("a small page")
+}

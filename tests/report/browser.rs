@@ -92,3 +92,41 @@ fn cards_are_filled_by_pictures_of_every_shape() {
         assert!(shares.len() == 2 && shares.iter().all(|share| *share > 0.8), "{what}: {shares:?}");
     }
 }
+
+/// The model of a report is unpacked when it is asked for, in a frame of its own, and asks for nothing outside.
+#[cfg(feature = "html-viewer")]
+#[test]
+fn report_shows_its_model_when_asked_and_lets_go_of_it() {
+    let Some(chromium) = chromium() else {
+        common::skipped("no chromium in PATH");
+        return;
+    };
+    let hostile = "</script><img src=x onerror=window.ran=1>";
+    let mut data = example(1, 160);
+    data.title = hostile.into();
+    data.views[0].name = hostile.into();
+    data.model = Some(common::splats::page(hostile));
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (empty, page) = (folder.path().join("empty.html"), folder.path().join("report.html"));
+    std::fs::write(&empty, "<!doctype html><title>empty</title>").expect("written");
+    write_report(&data, &page).expect("written");
+    let software = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+    let mut browser = Browser::visit(&chromium, &format!("file://{}", empty.display()), folder.path(), &software);
+    browser.goto(&format!("file://{}", page.display()));
+    let state = "[document.querySelectorAll('iframe').length, typeof window.ran, \
+                 document.querySelector('.look iframe')?.contentDocument?.body?.className ?? '', \
+                 typeof document.querySelector('.look iframe')?.contentWindow?.ran]";
+    browser.until("document.querySelector('.look')?.hidden === false");
+    assert_eq!(browser.value(state), json!([0, "undefined", "", "undefined"]));
+    browser.click(".look .open");
+    browser.until("document.querySelector('.look iframe')?.contentDocument?.body?.className === 'shown'");
+    assert_eq!(browser.value(state), json!([1, "undefined", "shown", "undefined"]));
+    assert_eq!(browser.value("document.querySelector('.look iframe').contentDocument.title"), hostile);
+    browser.click(".look-hint .close");
+    assert_eq!(browser.value(state), json!([0, "undefined", "", "undefined"]));
+    assert_eq!(browser.value("document.activeElement.className"), "open", "the button has the focus again");
+    let (asked, problems) = browser.asked_for();
+    let local = |url: &String| ["file:", "data:", "blob:"].iter().any(|of| url.starts_with(of));
+    assert!(asked.iter().all(local) && asked.iter().filter(|url| url.starts_with("file:")).count() == 1, "{asked:?}");
+    assert!(problems.iter().all(|text| text.contains("adapter")), "{problems:?}");
+}

@@ -16,6 +16,7 @@ use super::{Args, warnings};
 use crate::cli::console;
 use crate::cli::held_out::Compared;
 use crate::cli::model_file::ModelFile;
+use crate::cli::model_page::InReport;
 use crate::cli::outputs;
 
 /// A scored model.
@@ -79,14 +80,19 @@ impl Scored<'_> {
     /// Writes the report. Its seconds count from `started`.
     pub(super) fn write_report(self, file: &Path, started: Instant) -> Result<(), ReportError> {
         let metrics = self.metrics(started).with_images(self.compared.images);
+        let title = format!("{} on {}", metrics.method, metrics.scene);
+        let (gaussians, antialias) = (&self.model.in_scene(&self.dataset.frame), self.model.antialias);
+        let background = self.args.background.rgb;
+        let model = InReport { title: &title, gaussians, dataset: self.dataset, background, antialias }.interactive();
         let data = ReportData {
-            title: format!("{} on {}", metrics.method, metrics.scene),
+            title,
             settings: settings(self.args, self.model, &metrics),
             curves: Vec::new(),
             files: Vec::new(),
             notes: warnings(self.dataset).map(ToString::to_string).collect(),
             views: self.compared.panels,
             metrics,
+            model: Some(model),
         };
         eval::write_report(&data, file)
     }

@@ -4,31 +4,42 @@ use psrgs_vk::eval::{Curve, CurveForm, Metrics, ReportData, ViewPanel};
 use psrgs_vk::format::EXPOSURE_FILE;
 use psrgs_vk::train::History;
 
-use super::Finished;
+use super::{Finished, Saved};
+use crate::cli::model_page::InReport;
 use crate::cli::run_folder::{METRICS, MODEL, RENDERS};
 use crate::cli::stages;
 
 /// Most points of a curve.
 const CURVE_POINTS: usize = 400;
 
-/// The data of the report. `exposures` and `sigmas` (a sentence about the learned widths of the saliency filter) are
-/// there where the training learned them.
+/// The data of the report. `sigmas`, a sentence about the learned widths of the saliency filter, is there where the
+/// training learned them.
 pub(super) fn data(
     run: &Finished<'_>,
     history: &History,
     metrics: Metrics,
     views: Vec<ViewPanel>,
-    exposures: bool,
+    saved: &Saved,
     sigmas: Option<String>,
 ) -> anyhow::Result<ReportData> {
+    let title = format!("{} on {}", metrics.method, metrics.scene);
+    let model = InReport {
+        title: &title,
+        gaussians: &saved.model,
+        dataset: run.dataset,
+        background: run.settings.model.background.evaluated(),
+        antialias: run.settings.model.antialias,
+    };
+    let model = Some(model.interactive());
     Ok(ReportData {
-        title: format!("{} on {}", metrics.method, metrics.scene),
+        title,
         settings: named_settings(&run.settings.to_toml()?),
         curves: curves(history),
-        files: files(exposures, sigmas.is_some()),
+        files: files(saved.exposures, sigmas.is_some()),
         notes: run.dataset.warnings.iter().chain(run.left_out).map(ToString::to_string).chain(sigmas).collect(),
         views,
         metrics,
+        model,
     })
 }
 

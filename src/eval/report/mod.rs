@@ -1,12 +1,14 @@
 //! The report of a run: one HTML file that needs nothing else, with curves, numbers and pictures.
 
 mod chart;
+mod interactive;
 mod limit;
 mod panel;
 mod scores;
 mod text;
 mod training;
 
+pub use interactive::Interactive;
 pub use limit::REPORT_BYTES;
 
 use std::fmt::Write;
@@ -23,8 +25,14 @@ use panel::{STORAGES, Storage};
 use scores::{numbers, scores, tiles, trained};
 use text::{decibels, link, significant};
 
-/// Largest size of the pictures on a page, as data addresses, bytes.
+/// Largest size of the pictures and the model on a page, as data addresses, bytes.
 const PICTURE_BUDGET: usize = 18_000_000;
+
+/// Where a page's own content may come from, and what the viewer of a model needs besides: parts of the page that a
+/// script unpacked.
+const POLICY: &str = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
+const POLICY_WITH_MODEL: &str = "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src \
+    'unsafe-inline' blob:; connect-src data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'";
 
 /// A quantity over the training steps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -129,6 +137,8 @@ pub struct ReportData {
     pub files: Vec<(String, String)>,
     /// Remarks, one paragraph each.
     pub notes: Vec<String>,
+    /// The model to look around in.
+    pub model: Option<Interactive>,
 }
 
 impl ViewPanel {
@@ -192,7 +202,8 @@ pub fn render_report(data: &ReportData) -> Result<String, ReportError> {
         check(view)?;
     }
     let m = &data.metrics;
-    let (views, shown) = views(&data.views)?;
+    let of_model = data.model.as_ref().map_or(0, Interactive::bytes);
+    let (views, shown) = views(&data.views, PICTURE_BUDGET - of_model)?;
     let mut notes: Vec<String> = data.notes.clone();
     if shown < data.views.len() {
         notes.push(format!(
@@ -211,7 +222,9 @@ pub fn render_report(data: &ReportData) -> Result<String, ReportError> {
         &[
             ("title", &escape(&data.title)),
             ("subtitle", &subtitle),
+            ("policy", if of_model > 0 { POLICY_WITH_MODEL } else { POLICY }),
             ("style", include_str!("page.css")),
+            ("model", &data.model.as_ref().map_or_else(String::new, Interactive::section)),
             ("script", include_str!("page.js")),
             ("tiles", &tiles(m)),
             ("notes", &notes),
@@ -283,8 +296,8 @@ fn files(files: &[(String, String)]) -> String {
     section("files", "Files", "", "files", &format!("<ul>{items}</ul>"))
 }
 
-/// The cards of all views that fit the page, and how many these are.
-fn views(all: &[ViewPanel]) -> Result<(String, usize), ReportError> {
+/// The cards of all views that fit in `budget` bytes, and how many these are.
+fn views(all: &[ViewPanel], budget: usize) -> Result<(String, usize), ReportError> {
     let differences: Vec<Vec<f32>> =
         all.iter().map(|v| panel::differences(&v.photograph, &v.render, &v.counting)).collect();
     // One scale for all views, so that they compare: most of the errors, at least a few 8-bit steps.
@@ -294,7 +307,7 @@ fn views(all: &[ViewPanel]) -> Result<(String, usize), ReportError> {
         let (mut out, mut shown) = (String::new(), 0);
         for (k, (view, errors)) in all.iter().zip(&differences).enumerate() {
             let card = card(view, errors, error_high, storage, k)?;
-            if out.len() + card.len() > PICTURE_BUDGET {
+            if out.len() + card.len() > budget {
                 break;
             }
             out.push_str(&card);

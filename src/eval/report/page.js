@@ -66,3 +66,42 @@ for (const chart of document.querySelectorAll(".chart")) {
     cursor.setAttribute("visibility", "hidden");
   });
 }
+
+// The model: its page is unpacked only when asked for, and shown in a frame of its own.
+const look = document.querySelector(".look");
+if (look) {
+  const open = look.querySelector(".open");
+  const hint = document.querySelector(".look-hint");
+  const first = document.querySelector('.panel[data-kind="render"] img');
+  if (first) look.style.backgroundImage = `linear-gradient(rgb(0 0 0 / .35), rgb(0 0 0 / .35)), url("${first.src}")`;
+  const unpacked = () => {
+    const packed = atob(document.getElementById("model-page").textContent);
+    const bytes = new Uint8Array(packed.length);
+    for (let k = 0; k < packed.length; k++) bytes[k] = packed.charCodeAt(k);
+    return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
+  };
+  open.addEventListener("click", async () => {
+    open.disabled = true;
+    try {
+      const frame = document.createElement("iframe");
+      frame.title = "The model";
+      frame.allow = "fullscreen";
+      frame.srcdoc = await unpacked();
+      frame.addEventListener("load", () => frame.contentWindow.focus());
+      look.replaceChildren(frame);
+      hint.hidden = false;
+    } catch (problem) {
+      const text = document.createElement("p");
+      text.className = "problem";
+      text.textContent = `The browser cannot open the viewer: ${problem.message}`;
+      look.replaceChildren(text);
+    }
+  });
+  hint.querySelector(".close").addEventListener("click", () => {
+    hint.hidden = true;
+    open.disabled = false;
+    look.replaceChildren(open);
+    open.focus();
+  });
+  look.hidden = false;
+}

@@ -3,12 +3,15 @@
 //! The file holds PlayCanvas' SuperSplat Viewer, the model as SOG, and where to look from. The viewer stays as it is: a
 //! script of this program unpacks the viewer and calls it. The page's policy forbids every address outside of the file.
 
+mod of_model;
 mod settings;
 
 use sha2::{Digest, Sha256};
 
 use super::markup::{base64, escape, fill};
 use crate::scene::viewpoints::Viewpoint;
+
+pub use of_model::Shown;
 
 const SCRIPT: &str = include_str!("page.js");
 /// The handler of events that the viewer's own markup has.

@@ -1,0 +1,187 @@
+//! HTML files of models, in a browser.
+#![cfg(all(unix, feature = "html-viewer"))]
+
+mod common;
+
+use std::path::Path;
+use std::time::Duration;
+
+use common::browser::{Browser, chromium};
+use image::RgbImage;
+use psrgs_vk::format::html::Shown;
+use psrgs_vk::pass::camera::Projection;
+use psrgs_vk::raster::{RenderView, Viewer};
+use psrgs_vk::scene::random::Random;
+use psrgs_vk::scene::viewpoints::viewpoints;
+use psrgs_vk::scene::{Camera, Gaussians};
+use psrgs_vk::vk::Gpu;
+use serde_json::json;
+
+/// The constant spherical harmonic.
+const SH_C0: f64 = 0.282_094_791_773_878_14;
+/// Size of the browser's window.
+const SIZE: (u32, u32) = (320, 240);
+/// Up in the model, none of its axes.
+const UP: [f64; 3] = [0.48, -0.6, 0.64];
+/// The model's own directions across the ground.
+const EAST: [f64; 3] = [0.8, 0.6, 0.0];
+const NORTH: [f64; 3] = [0.384, -0.512, -0.768];
+
+fn along(east: f64, north: f64, up: f64) -> [f64; 3] {
+    std::array::from_fn(|k| east * EAST[k] + north * NORTH[k] + up * UP[k])
+}
+
+/// A ground of patches with boxes of splats on it: thin, round and long splats, opaque and faint ones.
+fn model() -> Gaussians {
+    let mut random = Random::new(7);
+    let splats = 900;
+    let mut model = Gaussians::zeros(splats);
+    for row in 0..splats {
+        let high = if row % 3 == 0 { random.range(0.0, 1.2) } else { 0.0 };
+        let place = along(2.0 * random.symmetric(), 2.0 * random.symmetric(), high);
+        model.opacities[row] = random.range(-1.0, 4.0) as f32;
+        for k in 0..3 {
+            model.means[3 * row + k] = place[k] as f32;
+            model.scales[3 * row + k] = random.range(-3.6, -1.6) as f32;
+            let colour = random.range(0.05, 0.95);
+            model.sh[0][12 * row + k] = ((colour - 0.5) / SH_C0) as f32;
+        }
+        for k in 0..4 {
+            model.quats[4 * row + k] = random.symmetric() as f32;
+        }
+    }
+    model.normalise_quats();
+    model
+}
+
+/// A camera that looks from `eye` at `at`, without roll.
+fn camera(eye: [f64; 3], at: [f64; 3]) -> Camera {
+    let unit = |v: [f64; 3]| {
+        let length = v.iter().map(|v| v * v).sum::<f64>().sqrt();
+        v.map(|v| v / length)
+    };
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let forward = unit(std::array::from_fn(|k| at[k] - eye[k]));
+    let right = unit(cross(forward, UP));
+    let rotation = [right, cross(forward, right), forward];
+    let translation = rotation.map(|row| -(0..3).map(|k| row[k] * eye[k]).sum::<f64>());
+    let (width, height) = SIZE;
+    let focal = 0.9 * f64::from(width);
+    let (cx, cy) = (0.5 * f64::from(width), 0.5 * f64::from(height));
+    Camera { rotation, translation, fx: focal, fy: focal, cx, cy, width, height }
+}
+
+/// Cameras around the model. The first one is nearer to the ground than the others and sees less.
+fn cameras(name: &str) -> Vec<(String, Camera)> {
+    let around = (0..6).map(|k| {
+        let (sin, cos) = f64::from(k).sin_cos();
+        let (far, high) = if k == 0 { (1.5, 0.4) } else { (3.6, 2.1 + 0.1 * f64::from(k)) };
+        (format!("{name} {k}"), camera(along(far * cos, far * sin, high), along(0.0, 0.0, 0.2)))
+    });
+    around.collect()
+}
+
+fn shown<'a>(title: &'a str, gaussians: &'a Gaussians, cameras: &'a [(String, Camera)]) -> Shown<'a> {
+    Shown { title, gaussians, cameras, up: None, sh_degree: 0, background: [0.0; 3], antialias: false }
+}
+
+/// Opens a page from the disk, and waits until its model stands still.
+fn open(chromium: &Path, folder: &Path, page: &str, query: &str) -> (Browser, RgbImage) {
+    let (first, file) = (folder.join("empty.html"), folder.join("model.html"));
+    std::fs::write(&first, "<!doctype html><title>empty</title>").expect("written");
+    std::fs::write(&file, page).expect("written");
+    let software = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+    let mut browser = Browser::visit(chromium, &format!("file://{}", first.display()), folder, &software);
+    let metrics = json!({ "width": SIZE.0, "height": SIZE.1, "deviceScaleFactor": 1, "mobile": false });
+    browser.call("Emulation.setDeviceMetricsOverride", metrics);
+    browser.goto(&format!("file://{}?{query}", file.display()));
+    let picture = still(&mut browser, "document.body?.className === 'shown'");
+    (browser, picture)
+}
+
+/// Waits until an expression is true, and from then on until two pictures are the same.
+fn still(browser: &mut Browser, ready: &str) -> RgbImage {
+    browser.until(ready);
+    // The viewer moves to its first camera for a second.
+    std::thread::sleep(Duration::from_millis(1100));
+    let mut before = browser.picture();
+    loop {
+        std::thread::sleep(Duration::from_millis(150));
+        let now = browser.picture();
+        if now == before {
+            return now;
+        }
+        before = now;
+    }
+}
+
+fn render(gpu: &Gpu, model: &Gaussians, camera: Camera) -> RgbImage {
+    let mut viewer = Viewer::new(gpu);
+    let planes = viewer.upload(model).expect("room");
+    let shot = RenderView { camera, projection: Projection::default(), background: [0.0; 3] };
+    let picture = viewer.render(&planes, model.len() as u32, &shot, false).expect("a render");
+    RgbImage::from_raw(picture.width, picture.height, picture.rgb8()).expect("a picture")
+}
+
+/// Mean of the differences of two pictures, in 8-bit steps, and the share of values that differ by more than 8.
+fn difference(a: &RgbImage, b: &RgbImage) -> (f64, f64) {
+    assert_eq!(a.dimensions(), b.dimensions());
+    let differences = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| f64::from(a.abs_diff(*b)));
+    let count = a.as_raw().len() as f64;
+    (differences.clone().sum::<f64>() / count, differences.filter(|d| *d > 8.0).count() as f64 / count)
+}
+
+#[test]
+fn html_file_opens_offline_and_shows_the_render() {
+    let (Some(chromium), Some(gpu)) = (chromium(), common::gpu()) else {
+        common::skipped("no chromium in PATH");
+        return;
+    };
+    let (model, cameras) = (model(), cameras("photograph"));
+    let page = shown("a model", &model, &cameras).html().expect("a page");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (browser, seen) = open(&chromium, folder.path(), &page, "webgl&noui");
+
+    let (asked, problems) = browser.asked_for();
+    assert!(
+        asked.len() >= 3 && asked.iter().all(|url| ["file:", "data:", "blob:"].iter().any(|of| url.starts_with(of)))
+    );
+    assert_eq!(asked.iter().filter(|url| url.starts_with("file:")).count(), 1, "{asked:?}");
+    assert_eq!(problems, [""; 0]);
+
+    let first = &viewpoints(&model, &cameras, UP, 8)[0];
+    let camera = cameras.iter().find(|(name, _)| *name == first.name).expect("the first camera").1;
+    let rendered = render(&gpu, &model, camera);
+    if let Some(folder) = std::env::var_os("PSRGS_KEEP").map(std::path::PathBuf::from) {
+        seen.save(folder.join("seen.png")).expect("saved");
+        rendered.save(folder.join("rendered.png")).expect("saved");
+    }
+    let (mean, far) = difference(&seen, &rendered);
+    println!("mean difference {mean:.3} of 255, {:.2} % of the values differ by more than 8", 100.0 * far);
+    let lit = rendered.as_raw().iter().filter(|v| **v > 40).count();
+    assert!(lit > rendered.as_raw().len() / 4, "an empty picture");
+    assert!(mean < 4.6 && far < 0.14, "mean difference {mean:.3} of 255, {:.2} % differ by more than 8", 100.0 * far);
+}
+
+/// Names of photographs come from other people's datasets.
+#[test]
+fn hostile_names_do_not_run_in_the_html_file() {
+    let Some(chromium) = chromium() else {
+        common::skipped("no chromium in PATH");
+        return;
+    };
+    let name = "</script><img src=x onerror=window.ran=1><script>window.ran=2</script>";
+    let (model, cameras) = (model(), cameras(name));
+    let page = shown(name, &model, &cameras).html().expect("a page");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (mut browser, with_buttons) = open(&chromium, folder.path(), &page, "webgl");
+    assert_eq!(browser.value("document.title"), name);
+    browser.click(".sse-annotationNext");
+    let moved = still(&mut browser, "document.querySelector('.sse-annotationNavNumber').textContent === '2'");
+    let title = browser.value("document.querySelector('.sse-annotationNavTitle').textContent");
+    assert!(title.as_str().expect("text").contains("window.ran=2</script>"), "{title}");
+    assert!(difference(&with_buttons, &moved).0 > 1.0, "the viewer did not move to the second photograph");
+    assert_eq!(browser.value("typeof window.ran"), "undefined");
+    assert_eq!(browser.asked_for().1, [""; 0]);
+}
