@@ -82,5 +82,6 @@ pub mod scene;
 pub mod stereo;
 pub mod train;
 pub mod twin;
+pub mod view;
 pub mod vk;
 pub mod world;

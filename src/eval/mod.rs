@@ -20,6 +20,7 @@ pub use gmsd::gmsd;
 pub use metrics::{
     ExposureScores, ImageScore, Metrics, MetricsError, PhotographWait, Quality, Streaming, mean_seen, peak_host_bytes,
 };
+pub(crate) use report::painted_depth;
 pub use report::{
     Curve, CurveForm, DepthMap, Interactive, REPORT_BYTES, ReportData, ReportError, StagePanel, ViewPanel, is_report,
     render_report, write_report,

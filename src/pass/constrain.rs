@@ -3,20 +3,28 @@
 use super::{Pass, module};
 use crate::vk::{Kernel, read, read_write, write};
 
-/// Culls all splats except the constrained set.
+crate::push_constants! {
+    /// Push constants of [`PASS`].
+    pub struct Push {
+        /// 1: the splats outside of the constrained set are rendered; 0: the constrained set is.
+        pub others: u32,
+    }
+}
+
+/// Culls all splats except the constrained set, or except the others.
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "constrain",
         spirv: module("constrain"),
         bindings: &[read("counters"), read("ids"), write("tile_counts")],
-        push_bytes: 0,
+        push_bytes: Push::BYTES,
         constants: &[],
         local_size: Some(64),
     },
     doc: "One thread owns one splat; a workgroup owns 64 consecutive splats. Splats with an identity at or \
-        above the bound touch no tile.",
+        above the bound touch no tile; with `others`, splats below the bound.",
     dispatch: "one thread per splat",
-    push: &[],
+    push: Push::FIELDS,
 };
 
 /// Saves the gradients of projected splats before another render of the same view.

@@ -50,6 +50,7 @@ pub mod saliency_plane;
 pub mod scan;
 mod shaders;
 pub mod slot_sum;
+pub mod splat_outlines;
 pub mod stereo;
 pub mod subgroup_probe;
 pub mod tile_ranges;
@@ -179,6 +180,7 @@ pub const ALL: &[&Pass] = &[
     &scan::SPINE_EMULATED,
     &saliency_plane::PASS,
     &slot_sum::PASS,
+    &splat_outlines::PASS,
     &stereo::BLOCKS,
     &stereo::FILTER,
     &stereo::REFIT,

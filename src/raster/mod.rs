@@ -22,9 +22,11 @@ pub use planes::ShStorage;
 pub use planes::{
     MEANS, OPACITIES, PLANES, Plane, Planes, QUATS, SCALES, SH_HIGHER, SH0, gaussians_of, grown, planes_of,
 };
-pub use renderer::{BackwardStep, DENSITY_ENTRY, GradientTerms, Gradients, ImageGradients, RenderView, Renderer};
+pub use renderer::{
+    BackwardStep, DENSITY_ENTRY, GradientTerms, Gradients, ImageGradients, Part, RenderView, Renderer, Subset,
+};
 pub(crate) use size::LARGEST_ROW;
 pub use size::{LEAST_2D, Size, most_pairs, most_splats};
 pub use target::Target;
 pub use variants::{GradientSum, TileShape, Variants};
-pub use viewer::Viewer;
+pub use viewer::{Look, Shown, Style, Viewer};

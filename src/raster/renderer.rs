@@ -18,7 +18,7 @@ use super::tiles::{Capacities, FrameLists, SPLAT_ENTRIES, TileListInputs, TileLi
 use super::variants::{GradientSum, Variants};
 use crate::pass::camera::{CameraPush, Projection, clamp_limits};
 use crate::pass::plan::{self, Entry};
-use crate::pass::{alpha_min, blend_forward, constrain, counters, depth_probe, project};
+use crate::pass::{alpha_min, blend_forward, constrain, counters, depth_probe, project, splat_outlines};
 use crate::scene::Camera;
 use crate::scene::tile::TileGrid;
 use crate::vk::{self, Buffer, BufferRange, Gpu, Groups, Memory, Pipeline, Recorder, slices};
@@ -55,6 +55,24 @@ pub struct RenderView {
     pub projection: Projection,
     /// Background colour (r, g, b).
     pub background: [f32; 3],
+}
+
+/// The splats that a render shows, told apart by identity.
+#[derive(Clone, Copy)]
+pub struct Subset<'a> {
+    /// Identities of the model's splats, one `u32` each.
+    pub ids: &'a Buffer,
+    /// Which splats.
+    pub part: Part,
+}
+
+/// The stage in which a splat began.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Splats with an identity below the bound in [`counters::CONSTRAINED`]: those of the low-frequency stage.
+    Low,
+    /// All others.
+    High,
 }
 
 impl RenderView {
@@ -266,6 +284,26 @@ impl Renderer {
             .and_then(|lists| self.record_blend(recorder, &blend, &lists, view, target, weights))
     }
 
+    /// Draws the outlines of the splats of `model` into `target`: see [`splat_outlines`].
+    pub fn record_outlines(
+        &self,
+        recorder: &mut Recorder,
+        model: &Planes,
+        view: &RenderView,
+        target: &Target,
+        subset: Option<Subset<'_>>,
+    ) -> Result<(), vk::Error> {
+        let (width, height) = (view.camera.width, view.camera.height);
+        let pipeline = self.gpu.pipeline(&splat_outlines::PASS.kernel, &[])?;
+        let channels = self.channels(view, false)?;
+        let lists = self.record_lists(recorder, model, view, &channels, subset)?;
+        let [splat2d, image] = slices([&self.splat2d, &target.image]);
+        let [red, green, blue] = view.background;
+        let push = splat_outlines::Push { width, height, side: self.variants.tile.size(), red, green, blue };
+        let groups = Groups::Workgroups(u64::from(depth_probe::groups(width, height)));
+        recorder.dispatch(&pipeline, &[splat2d, lists.sorted_splats, lists.tile_ranges, image], &push, groups)
+    }
+
     /// Writes (median depth, weight in front, weight behind, final transmittance) of each pixel of a picture of `model`
     /// to `probe`, rows of four floats, as [`depth_probe`] has them. `known` has a depth in scene units for each pixel,
     /// 0 where none is known.
@@ -291,8 +329,7 @@ impl Renderer {
         recorder.dispatch(&pipeline, &buffers, &push, groups)
     }
 
-    /// Like [`Self::record_forward`]. With `constrained`, the identities of the model's splats, renders only splats
-    /// whose identity is below the bound in [`counters::CONSTRAINED`].
+    /// Like [`Self::record_forward`]. With `subset`, renders only the splats of a part of the model.
     pub fn record_forward_of(
         &self,
         recorder: &mut Recorder,
@@ -300,10 +337,10 @@ impl Renderer {
         view: &RenderView,
         target: &Target,
         aux: bool,
-        constrained: Option<&Buffer>,
+        subset: Option<Subset<'_>>,
     ) -> Result<FrameLists<'_>, vk::Error> {
         let channels = self.channels(view, aux)?;
-        let lists = self.record_lists(recorder, model, view, &channels, constrained)?;
+        let lists = self.record_lists(recorder, model, view, &channels, subset)?;
         self.record_blend(recorder, &channels.blend, &lists, view, target, &self.no_weights)?;
         Ok(lists)
     }
@@ -323,7 +360,7 @@ impl Renderer {
         model: &Planes,
         view: &RenderView,
         channels: &ForwardPipelines,
-        constrained: Option<&Buffer>,
+        subset: Option<Subset<'_>>,
     ) -> Result<FrameLists<'_>, vk::Error> {
         let (width, height) = (view.camera.width, view.camera.height);
         self.record_plan(recorder)?;
@@ -338,9 +375,10 @@ impl Renderer {
                 recorder.dispatch(&project, &buffers, &push, self.per_splat())?;
             }
         }
-        if let Some(ids) = constrained {
+        if let Some(Subset { ids, part }) = subset {
             let constrain = self.gpu.pipeline(&constrain::PASS.kernel, &[])?;
-            recorder.dispatch(&constrain, &[&self.counters, ids, &self.tile_counts], &(), self.per_splat())?;
+            let push = constrain::Push { others: u32::from(part == Part::High) };
+            recorder.dispatch(&constrain, &[&self.counters, ids, &self.tile_counts], &push, self.per_splat())?;
         }
 
         let side = self.variants.tile.size();

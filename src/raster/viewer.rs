@@ -4,7 +4,7 @@ use super::live::LiveModel;
 use super::picture::{DepthProbe, Picture};
 use super::planes::Planes;
 use super::planes::ShStorage;
-use super::renderer::{RenderView, Renderer};
+use super::renderer::{Part, RenderView, Renderer, Subset};
 use super::size::{Size, most_pairs};
 use super::target::Target;
 use super::tiles::DEPTH_BITS;
@@ -24,6 +24,39 @@ pub struct Viewer {
     recorded: Option<(u32, u32, bool)>,
     /// Read-back buffer for the counters of a render.
     landing: Option<Buffer>,
+}
+
+/// A model to look at.
+#[derive(Clone, Copy)]
+pub struct Shown<'a> {
+    /// The planes.
+    pub planes: &'a Planes,
+    /// Splats; rows from this number on are not read.
+    pub splats: u32,
+    /// The identities of the splats, and the number below which an identity belongs to the low-frequency stage. Needed
+    /// to look at a [`Part`].
+    pub ids: Option<(&'a Buffer, u32)>,
+}
+
+/// What a picture shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Look {
+    /// How splats are drawn.
+    pub style: Style,
+    /// Which splats; all without a part.
+    pub part: Option<Part>,
+}
+
+/// How splats are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Style {
+    /// Blended.
+    #[default]
+    Blended,
+    /// Blended, with depth and normals.
+    Surfaces,
+    /// As outlines.
+    Outlines,
 }
 
 /// The model to render, with the number of splats.
@@ -175,7 +208,7 @@ impl Viewer {
     /// Raises `weights` (`splats` floats, one per splat) to the splat's largest blending weight, alpha times
     /// transmittance, in any pixel of the render. Waits.
     pub fn weigh(&mut self, model: &Planes, splats: u32, view: &RenderView, weights: &Buffer) -> Result<(), vk::Error> {
-        self.until_it_fits(model, splats, view, |recorder, renderer, target| {
+        self.until_it_fits(Shown { planes: model, splats, ids: None }, view, |recorder, renderer, target| {
             renderer.record_weights(recorder, model, view, target, weights)
         })
     }
@@ -202,27 +235,45 @@ impl Viewer {
             }
             None => None,
         };
-        self.until_it_fits(model, splats, view, |recorder, renderer, _| {
+        self.until_it_fits(Shown { planes: model, splats, ids: None }, view, |recorder, renderer, _| {
             renderer.record_probe(recorder, model, view, known.as_ref(), &rows)
         })?;
         Ok(DepthProbe::new(width, height, &self.gpu.read_at(&rows, 0, 4 * pixels)?))
     }
 
+    /// Draws a model as `look` says. A part of a model without identities is the whole model. Waits.
+    pub fn look(&mut self, shown: Shown<'_>, view: &RenderView, look: Look) -> Result<Picture, vk::Error> {
+        let (width, height) = (view.camera.width, view.camera.height);
+        let aux = look.style == Style::Surfaces;
+        let subset = shown.ids.zip(look.part).map(|((ids, _), part)| Subset { ids, part });
+        self.until_it_fits(shown, view, |recorder, renderer, target| match look.style {
+            Style::Outlines => renderer.record_outlines(recorder, shown.planes, view, target, subset),
+            _ => renderer.record_forward_of(recorder, shown.planes, view, target, aux, subset).map(|_| ()),
+        })?;
+        let (_, target) = self.ready(width * height)?;
+        let (image, channels) = (target.image.clone(), target.aux.clone());
+        let floats = 4 * width as usize * height as usize;
+        let rgbt = self.gpu.read_at(&image, 0, floats)?;
+        let aux = if aux { Some(self.gpu.read_at(&channels, 0, floats)?) } else { None };
+        Ok(Picture { width, height, rgbt, aux })
+    }
+
     /// Submits what `record` records, until there is room for the (splat, tile) pairs of the render. Waits.
     fn until_it_fits(
         &mut self,
-        model: &Planes,
-        splats: u32,
+        shown: Shown<'_>,
         view: &RenderView,
         mut record: impl FnMut(&mut Recorder, &Renderer, &Target) -> Result<(), vk::Error>,
     ) -> Result<(), vk::Error> {
         let (width, height) = (view.camera.width, view.camera.height);
         loop {
-            self.reserve(splats, width, height)?;
-            let mut recorder = self.gpu.recorder("weights and depths")?;
+            self.reserve(shown.splats, width, height)?;
+            let mut recorder = self.gpu.recorder("look")?;
             let (renderer, target) = self.ready(width * height)?;
             let mut words = [0u32; counters::COUNT];
-            (words[counters::SPLATS], words[counters::PLAIN]) = (splats, model.plain(splats));
+            words[counters::SPLATS] = shown.splats;
+            words[counters::PLAIN] = shown.planes.plain(shown.splats);
+            words[counters::CONSTRAINED] = shown.ids.map_or(0, |(_, below)| below);
             recorder.upload(&renderer.counters, 0, bytemuck::cast_slice(&words))?;
             record(&mut recorder, renderer, target)?;
             let counters = renderer.counters.clone();

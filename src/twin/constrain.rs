@@ -1,6 +1,7 @@
 //! Twins of `glsl/constrain.comp`, `glsl/grad2d_keep.comp` and `glsl/grad2d_add.comp`.
 
 use super::TwinCall;
+use crate::pass::constrain::Push;
 use crate::pass::counters::{CONSTRAINED, SPLATS};
 
 fn splats(call: &TwinCall<'_>) -> usize {
@@ -9,10 +10,12 @@ fn splats(call: &TwinCall<'_>) -> usize {
 
 /// Adapter over raw buffers of `constrain`.
 pub fn run(call: &mut TwinCall<'_>) {
-    let (n, bound) = (splats(call), call.get::<u32>(0)[CONSTRAINED]);
+    let (n, bound, others) = (splats(call), call.get::<u32>(0)[CONSTRAINED], call.push::<Push>().others != 0);
     let (ids, mut tile_counts) = (call.get::<u32>(1), call.get::<u32>(2));
-    for (count, _) in tile_counts.iter_mut().zip(&ids).take(n).filter(|(_, id)| **id >= bound) {
-        *count = 0;
+    for (count, id) in tile_counts.iter_mut().zip(&ids).take(n) {
+        if (*id < bound) == others {
+            *count = 0;
+        }
     }
     call.set(2, &tile_counts);
 }

@@ -49,6 +49,7 @@ pub mod saliency_plane;
 pub mod scan;
 pub mod slot_sum;
 pub mod splat;
+pub mod splat_outlines;
 pub mod stereo;
 pub mod subgroup_probe;
 mod table;

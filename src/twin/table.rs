@@ -6,7 +6,7 @@ use super::{
     densify_sample, densify_scores, densify_stats, densify_views, depth_probe, emit, exposure, feature_distance, fill,
     geometry, gradient_map, loss, noise, opacity_reset, photograph_reduce, plan, pool, probe, project,
     project_backward, project_backward_adam, project_backward_adam_packed, radix, saliency_plane, scan, slot_sum,
-    stereo, subgroup_probe, tile_ranges,
+    splat_outlines, stereo, subgroup_probe, tile_ranges,
 };
 use crate::pass::{self, Pass};
 
@@ -14,7 +14,7 @@ use crate::pass::{self, Pass};
 pub type TwinFn = fn(&mut TwinCall<'_>);
 
 /// Every pass with its twin, in the order of [`pass::ALL`].
-pub const TABLE: [(&Pass, TwinFn); 105] = [
+pub const TABLE: [(&Pass, TwinFn); 106] = [
     (&pass::adam::PASS, adam::run),
     (&pass::blend_backward::COLUMN_ATOMIC, blend_backward::run_column_sums),
     (&pass::blend_backward::COLUMN_CAS, blend_backward::run_column_sums),
@@ -110,6 +110,7 @@ pub const TABLE: [(&Pass, TwinFn); 105] = [
     (&pass::scan::SPINE_EMULATED, scan::spine),
     (&pass::saliency_plane::PASS, saliency_plane::run),
     (&pass::slot_sum::PASS, slot_sum::run),
+    (&pass::splat_outlines::PASS, splat_outlines::run),
     (&pass::stereo::BLOCKS, stereo::run_blocks),
     (&pass::stereo::FILTER, stereo::run_filter),
     (&pass::stereo::REFIT, stereo::run_refit),

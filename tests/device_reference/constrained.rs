@@ -5,7 +5,7 @@ use psrgs_vk::loss::{GradientMapLoss, GradientMapWeights, MapImages, Photograph}
 use psrgs_vk::pass::constrain::{ADD, KEEP};
 use psrgs_vk::pass::gradient_map::{Push, windows};
 use psrgs_vk::pass::{counters, loss};
-use psrgs_vk::raster::{GradientSum, Planes, Renderer, Size, Target, TileShape, Variants};
+use psrgs_vk::raster::{GradientSum, Part, Planes, Renderer, Size, Subset, Target, TileShape, Variants};
 use psrgs_vk::twin::gradient_map::Scene;
 use psrgs_vk::twin::loss::{counting, unpack};
 use psrgs_vk::twin::reference::{self, Image, ImageGradient};
@@ -119,7 +119,8 @@ fn on_device(gpu: &Gpu, tile: TileShape, case: &Case, target: &[u32], both: bool
         renderer.record_forward(&mut rec, &model, &case.shot, &shown, false).unwrap();
         rec.copy(&shown.image, 0, other, 0, bytes).unwrap();
     }
-    let lists = renderer.record_forward_of(&mut rec, &model, &case.shot, &shown, false, Some(&ids)).unwrap();
+    let subset = Subset { ids: &ids, part: Part::Low };
+    let lists = renderer.record_forward_of(&mut rec, &model, &case.shot, &shown, false, Some(subset)).unwrap();
     let weights = GradientMapWeights { correlation: WEIGHT, variation: 0.0 };
     let images = MapImages { image: &shown.image, other: other.as_ref() };
     maps.record(&mut rec, images, &compared, &weights, &grad_image).unwrap();

@@ -46,6 +46,7 @@ mod projection_scene;
 mod radix;
 mod scan;
 mod small;
+mod splat_outlines;
 mod ssim_table;
 mod stereo;
 
@@ -106,6 +107,7 @@ cases! {
         "scan_add_subgroup_rows" "scan_add_emulated" "scan_once_runs" "scan_once_subgroup" "scan_once_subgroup_wide"
         "scan_once_emulated";
     slot_sum: "slot_sum";
+    splat_outlines: "splat_outlines";
     stereo: "stereo_blocks" "stereo_filter" "stereo_refit" "stereo_sweep_side3" "stereo_sweep_side4" "stereo_sweep_side5" "stereo_sweep_side6";
     subgroup_probe: "subgroup_probe_subgroup" "subgroup_probe_emulated";
     tile_ranges: "tile_ranges";
@@ -176,6 +178,7 @@ fn addresses_of_more_passes_lie_in_their_buffers() {
         saliency_plane::run,
         scan::run,
         slot_sum::run,
+        splat_outlines::run,
         stereo::run,
         subgroup_probe::run,
     ]);

@@ -48,7 +48,7 @@ pub mod compact {
 pub mod constrain {
     //! `constrain`, `grad2d_keep` and `grad2d_add`: bit by bit against their twins, and their promises for each splat.
 
-    use psrgs_vk::pass::constrain::{ADD, KEEP, PASS};
+    use psrgs_vk::pass::constrain::{ADD, KEEP, PASS, Push};
     use psrgs_vk::pass::counters::{self, CONSTRAINED, SPLATS};
     use psrgs_vk::scene::random::Random;
     use psrgs_vk::vk::Gpu;
@@ -68,11 +68,13 @@ pub mod constrain {
                 |random: &mut Random| -> Vec<f32> { (0..12 * room).map(|_| random.between(-2.0, 2.0)).collect() };
 
             let buffers = [bytes(&counts), bytes(&ids), bytes(&tile_counts)];
-            let outcome = harness::run(gpu, &PASS, &[], &buffers, &(), groups);
-            outcome.assert_same_bits(&format!("constrain of {n}"));
-            for (i, left) in outcome.device::<u32>(2).into_iter().enumerate() {
-                let outside = i < n && ids[i] >= 1000;
-                assert_eq!(left, if outside { 0 } else { tile_counts[i] }, "splat {i} of {n}");
+            for others in [0, 1] {
+                let outcome = harness::run(gpu, &PASS, &[], &buffers, &Push { others }, groups);
+                outcome.assert_same_bits(&format!("constrain of {n}, others {others}"));
+                for (i, left) in outcome.device::<u32>(2).into_iter().enumerate() {
+                    let outside = i < n && (ids[i] >= 1000) == (others == 0);
+                    assert_eq!(left, if outside { 0 } else { tile_counts[i] }, "splat {i} of {n}, others {others}");
+                }
             }
 
             let (grad2d, other) = (floats(&mut random), floats(&mut random));

@@ -10,6 +10,7 @@ mod training;
 
 pub use interactive::Interactive;
 pub use limit::REPORT_BYTES;
+pub(crate) use panel::depth as painted_depth;
 
 use std::fmt::Write;
 use std::path::Path;

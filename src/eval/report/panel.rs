@@ -102,7 +102,7 @@ pub(super) fn paint(values: &[f32], size: (u32, u32), low: f32, high: f32, map: 
 
 /// Depth as colours between its 1st and 99th percentile: the picture and the range. Pixels without surface (depth 0 or
 /// not finite) are grey.
-pub(super) fn depth(map: &DepthMap) -> (RgbImage, (f32, f32)) {
+pub(crate) fn depth(map: &DepthMap) -> (RgbImage, (f32, f32)) {
     let values: Vec<f32> = map.values.iter().map(|&z| if z > 0.0 { z } else { f32::NAN }).collect();
     let low = quantile(values.iter().copied(), 0.01);
     let high = quantile(values.iter().copied(), 0.99).max(low);

@@ -4,7 +4,8 @@ use super::{Engine, MemoryCost};
 use crate::pass::camera::{NEAR, Projection};
 use crate::pass::counters;
 use crate::raster::{
-    DepthProbe, LiveModel, MemoryFootprint, PLANES, Picture, Planes, RenderView, SH_HIGHER, gaussians_of, planes_of,
+    DepthProbe, LiveModel, Look, MemoryFootprint, PLANES, Picture, Planes, RenderView, SH_HIGHER, Shown, gaussians_of,
+    planes_of,
 };
 use crate::saliency::Curve;
 use crate::scene::ExposureMatrix;
@@ -105,6 +106,15 @@ impl Engine {
         let splats = self.splats()?;
         let shot = self.view_shot(camera, sh_degree, background);
         Ok(self.viewer.render(&self.model, splats, &shot, aux)?)
+    }
+
+    /// Draws the model as it is on the device. Waits.
+    pub fn look(&mut self, view: &RenderView, look: Look) -> Result<Picture, Error> {
+        let words: Vec<u32> = self.gpu.read_at(&self.renderer.counters, 0, counters::COUNT)?;
+        // Without a bound there is no part yet.
+        let ids = Some((&self.ids, words[counters::CONSTRAINED])).filter(|(_, below)| *below > 0);
+        let shown = Shown { planes: &self.model, splats: words[counters::SPLATS], ids };
+        Ok(self.viewer.look(shown, view, look)?)
     }
 
     /// Depths of the model at the pixels of a camera, and weights in front of and behind `known` depths. Waits.

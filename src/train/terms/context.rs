@@ -2,7 +2,7 @@
 
 use crate::loss::Photograph;
 use crate::raster::tiles::FrameLists;
-use crate::raster::{ImageGradients, Planes, RenderView, Renderer, Target};
+use crate::raster::{ImageGradients, Part, Planes, RenderView, Renderer, Subset, Target};
 use crate::train::density::StatisticsInput;
 use crate::train::learning::exposures::{ExposureStep, Exposures};
 use crate::train::learning::optimiser::Stepping;
@@ -65,7 +65,14 @@ impl<'a> StepContext<'a> {
         &self,
         recorder: &mut Recorder,
     ) -> Result<FrameLists<'a>, vk::Error> {
-        self.renderer.record_forward_of(recorder, self.model, &self.shot, self.target, false, Some(self.ids))
+        self.renderer.record_forward_of(
+            recorder,
+            self.model,
+            &self.shot,
+            self.target,
+            false,
+            Some(Subset { ids: self.ids, part: Part::Low }),
+        )
     }
 
     /// Records applying the photograph's exposure, and returns the exposed render; the render itself where exposures

@@ -1,7 +1,9 @@
 //! Training inside a host program: step by step, between points of the host's timelines, with the model in sight.
 
+use std::time::Duration;
+
 use super::{Message, Trainer};
-use crate::raster::{LiveModel, RenderView};
+use crate::raster::{LiveModel, Look, Picture, RenderView};
 use crate::scene::Camera;
 use crate::train::Error;
 use crate::train::schedule::Kind;
@@ -62,6 +64,25 @@ impl Trainer {
     /// A handle for rendering the model during the training. Take a new one after [`Message::Grown`].
     pub fn live_model(&self) -> LiveModel {
         self.engine.live_model()
+    }
+
+    /// Draws the model as it is on the device, between two events, as `look` says. Nothing of the training changes: not
+    /// what is submitted, not what is reported. Waits for what was submitted.
+    pub fn draw(&mut self, camera: &Camera, look: Look) -> Result<Picture, Error> {
+        let view = self.shot(camera);
+        self.engine.look(&view, look)
+    }
+
+    /// Median depths of the model as it is on the device, at the pixels of a camera, in scene units; 0 where there is no
+    /// surface. Changes nothing of the training. Waits for what was submitted.
+    pub fn depths(&mut self, camera: &Camera) -> Result<Vec<f32>, Error> {
+        let sh_degree = self.shot(camera).projection.sh_degree;
+        Ok(self.engine.probe(camera, sh_degree, None)?.median)
+    }
+
+    /// Leaves a pause out of the seconds of training.
+    pub fn leave_out(&mut self, pause: Duration) {
+        self.started += pause;
     }
 
     /// The view to render of the current model from a camera: with the spherical harmonics in use at this step and the

@@ -1,0 +1,166 @@
+//! What a page knows of a scene before the first picture.
+
+use serde_json::{Value, json};
+
+use crate::dataset::Supply;
+use crate::scene::{Camera, Frame};
+
+/// A scene for a page.
+#[derive(Clone, Debug)]
+pub struct SceneInfo {
+    /// What is shown, as a heading.
+    pub title: String,
+    /// Photographs with their cameras.
+    pub shots: Vec<Shot>,
+    /// Direction up, in scene coordinates.
+    pub up: [f64; 3],
+    /// The middle of what is seen.
+    pub center: [f64; 3],
+    /// Half the size of what is seen, in scene units.
+    pub radius: f64,
+    /// The dataset's coordinates: distances are told in them.
+    pub frame: Frame,
+    /// Whether the splats of the low-frequency stage are told apart.
+    pub parts: bool,
+    /// Most pixels on the longer side of a picture.
+    pub most_side: u32,
+    /// Whether a training runs.
+    pub training: bool,
+}
+
+/// A photograph with its camera.
+#[derive(Clone, Debug)]
+pub struct Shot {
+    /// Name.
+    pub name: String,
+    /// Camera in scene coordinates.
+    pub camera: Camera,
+    /// Whether the photograph is held out of the training.
+    pub held_out: bool,
+    /// The pixels, if the photograph is there.
+    pub photograph: Option<Supply>,
+}
+
+/// Share of splats or cameras that count as the middle.
+const QUARTERS: [f64; 2] = [0.25, 0.75];
+
+impl SceneInfo {
+    /// A scene without photographs, seen from nowhere in particular.
+    pub fn new(title: &str, frame: Frame) -> Self {
+        Self {
+            title: title.to_owned(),
+            shots: Vec::new(),
+            up: [0.0, -1.0, 0.0],
+            center: [0.0; 3],
+            radius: Frame::EXTENT,
+            frame,
+            parts: false,
+            most_side: 1600,
+            training: false,
+        }
+    }
+
+    /// Takes the middle and the size from the means of splats, shape [splats, 3]: half of the splats along each axis.
+    #[must_use]
+    pub fn around(mut self, means: &[f32]) -> Self {
+        let mut radius: f64 = 0.0;
+        for axis in 0..3 {
+            let mut values: Vec<f32> = means.iter().skip(axis).step_by(3).copied().filter(|v| v.is_finite()).collect();
+            if values.is_empty() {
+                return self;
+            }
+            let [low, high] = QUARTERS.map(|share| {
+                let at = ((values.len() - 1) as f64 * share).round() as usize;
+                f64::from(*values.select_nth_unstable_by(at, f32::total_cmp).1)
+            });
+            self.center[axis] = 0.5 * (low + high);
+            radius = radius.max(high - low);
+        }
+        self.radius = radius.max(1e-6);
+        self
+    }
+
+    /// Takes photographs, and from their cameras the direction up: against the mean of their columns.
+    #[must_use]
+    pub fn with_shots(mut self, shots: Vec<Shot>) -> Self {
+        let mut up = [0.0; 3];
+        for shot in &shots {
+            (0..3).for_each(|k| up[k] -= shot.camera.rotation[1][k]);
+        }
+        let mut forward = [0.0; 3];
+        for shot in &shots {
+            (0..3).for_each(|k| forward[k] += shot.camera.rotation[2][k]);
+        }
+        let length = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        // Cameras that look straight down have their columns in all directions: what they look away from is up.
+        let n = shots.len().max(1) as f64;
+        let best = if length(&up) >= 0.5 * n { up } else { forward.map(|v| -v) };
+        if length(&best) > 0.1 * n {
+            self.up = best.map(|v| v / length(&best));
+        }
+        self.shots = shots;
+        self
+    }
+
+    /// The scene as the page reads it.
+    pub(super) fn json(&self) -> Value {
+        let shots: Vec<Value> = self.shots.iter().map(shot).collect();
+        json!({
+            "title": self.title,
+            "shots": shots,
+            "up": self.up,
+            "center": self.center,
+            "radius": self.radius,
+            "scale": self.frame.scale,
+            "offset": self.frame.offset,
+            "parts": self.parts,
+            "mostSide": self.most_side,
+            "training": self.training,
+        })
+    }
+}
+
+fn shot(shot: &Shot) -> Value {
+    let Camera { rotation, width, height, fy, .. } = shot.camera;
+    json!({
+        "name": shot.name,
+        "heldOut": shot.held_out,
+        "photograph": shot.photograph.is_some(),
+        "width": width,
+        "height": height,
+        "position": shot.camera.center(),
+        "toCamera": rotation,
+        "focal": fy / f64::from(height),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn looking(rotation: [[f64; 3]; 3]) -> Shot {
+        let camera =
+            Camera { rotation, translation: [0.0; 3], fx: 10.0, fy: 10.0, cx: 5.0, cy: 5.0, width: 10, height: 10 };
+        Shot { name: "a".to_owned(), camera, held_out: false, photograph: None }
+    }
+
+    #[test]
+    fn up_is_against_columns_or_against_the_view_from_above() {
+        let level = looking([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]);
+        let scene = SceneInfo::new("level", Frame::IDENTITY).with_shots(vec![level.clone(), level]);
+        assert_eq!(scene.up, [0.0, 0.0, 1.0]);
+        // Straight down, with the top of the picture to the north and to the south.
+        let north = looking([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]);
+        let south = looking([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]);
+        let scene = SceneInfo::new("down", Frame::IDENTITY).with_shots(vec![north, south]);
+        assert_eq!(scene.up, [0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn the_middle_ignores_what_is_far_away() {
+        let means: Vec<f32> = (0..100).flat_map(|i| [i as f32 / 100.0, 2.0, if i == 0 { 1e6 } else { 0.0 }]).collect();
+        let scene = SceneInfo::new("cloud", Frame::IDENTITY).around(&means);
+        assert!((scene.center[0] - 0.5).abs() < 0.02 && scene.center[1] == 2.0 && scene.center[2] == 0.0);
+        assert!((scene.radius - 0.5).abs() < 0.02);
+    }
+}
