@@ -79,6 +79,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console, started
             resume: false,
             overwrite: true,
             preset: None,
+            view: None,
             lose_device_at: None,
             keep_no_photographs: false,
         },

@@ -20,6 +20,7 @@ mod finished;
 mod held_out;
 mod info;
 mod interrupt;
+mod live_page;
 mod lpips;
 mod model_file;
 mod model_frame;
@@ -40,6 +41,7 @@ mod settings_mismatch;
 mod stages;
 mod stereo;
 mod train;
+mod view;
 mod weights;
 
 use std::process::ExitCode;
@@ -78,6 +80,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Train(Box<train::Args>),
+    View(view::Args),
     Render(render::Args),
     Eval(eval::Args),
     Export(Box<export::Args>),
@@ -167,6 +170,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
     let interrupt = &Interrupt::listen()?;
     match command {
         Command::Train(args) => train::run(args, own, interrupt, console, started),
+        Command::View(args) => view::run(args, interrupt, console),
         Command::Render(args) => render::run(args, console),
         Command::Eval(args) => eval::run(args, console, started),
         Command::Export(args) => export::run(args, console),

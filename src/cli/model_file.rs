@@ -7,10 +7,10 @@ use std::path::Path;
 use psrgs_vk::format::{FrameFile, ply, splats};
 use psrgs_vk::numbers::counted;
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::raster::{DepthProbe, Picture, Planes, RenderView, Variants, Viewer};
+use psrgs_vk::raster::{DepthProbe, Look, Picture, Planes, RenderView, Shown, Variants, Viewer};
 use psrgs_vk::scene::{Camera, Frame, Gaussians};
 use psrgs_vk::train::settings::BlendingVariants;
-use psrgs_vk::vk::{self, Gpu};
+use psrgs_vk::vk::{self, Buffer, Gpu};
 
 use super::colour::Colour;
 use super::console::Console;
@@ -130,6 +130,11 @@ impl ModelFile {
         self.model.gaussians.len()
     }
 
+    /// Number of splats of the low-frequency stage, if the file tells; these splats come first.
+    pub(crate) fn constrained(&self) -> Option<usize> {
+        self.model.constrained
+    }
+
     /// Uploads the model in the coordinates of a dataset's scene.
     pub(crate) fn upload(
         &self,
@@ -145,7 +150,8 @@ impl ModelFile {
         let projection =
             Projection { sh_degree: self.model.sh_degree, antialias: self.antialias, ..Projection::default() };
         let background = background.rgb;
-        Ok(Drawn { viewer, planes, splats: self.splats() as u32, projection, background, seen: false })
+        let splats = self.splats() as u32;
+        Ok(Drawn { viewer, planes, splats, projection, background, seen: false })
     }
 
     /// The splats in the coordinates of a scene.
@@ -177,13 +183,24 @@ impl Drawn {
         Ok(picture)
     }
 
-    /// Warns where no render shows a splat: model and cameras do not belong together.
+    /// Draws the model as `look` says; `ids` tell the parts of the model apart.
+    pub(crate) fn look(
+        &mut self,
+        camera: &Camera,
+        look: Look,
+        ids: Option<(&Buffer, u32)>,
+    ) -> Result<Picture, vk::Error> {
+        let view = RenderView { camera: *camera, projection: self.projection, background: self.background };
+        self.viewer.look(Shown { planes: &self.planes, splats: self.splats, ids }, &view, look)
+    }
+
     /// Depths at the pixels of a camera of the scene, and the weights in front of and behind `known` ones.
     pub(crate) fn probe(&mut self, camera: &Camera, known: Option<&[f32]>) -> Result<DepthProbe, vk::Error> {
         let view = RenderView { camera: *camera, projection: self.projection, background: self.background };
         self.viewer.probe(&self.planes, self.splats, &view, known)
     }
 
+    /// Warns where no render shows a splat: model and cameras do not belong together.
     pub(crate) fn warn_if_unseen(&self, model: &Path, dataset: &Path, console: &Console) {
         if !self.seen {
             console.warn(format_args!(

@@ -237,6 +237,7 @@ mod tests {
             resume: false,
             overwrite: false,
             preset: None,
+            view: None,
             lose_device_at: None,
             keep_no_photographs: false,
         }

@@ -6,7 +6,7 @@ use crate::raster::{Look, Part, Style};
 use crate::scene::Camera;
 
 /// Most pixels on a side of a picture.
-pub const MOST_SIDE: u32 = 4096;
+const MOST_SIDE: u32 = 4096;
 
 /// Something to be drawn or measured.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,7 +5,7 @@ use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use super::Error;
 
 /// Port where none is named.
-pub const PORT: u16 = 8765;
+const PORT: u16 = 8765;
 
 /// Names of this machine for its own programs.
 const LOOPBACK: [&str; 3] = ["localhost", "127.0.0.1", "[::1]"];

@@ -7,6 +7,7 @@
 mod ask;
 mod board;
 mod curves;
+mod draw;
 mod guard;
 mod http;
 mod pacer;
@@ -17,9 +18,10 @@ mod server;
 
 pub use ask::{Ask, Channel, FrameAsk, PickAsk, Pose};
 pub use board::{Board, Command, Reply, State, Status, Wanted};
+pub use draw::{Drawable, answer};
 pub use guard::Address;
 pub use pacer::Pacer;
-pub use scene_info::{SceneInfo, Shot};
+pub use scene_info::{SceneInfo, Shot, Source};
 pub use server::Server;
 
 /// Errors of starting a page.

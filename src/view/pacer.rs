@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 /// Pictures are not reduced below this many pixels on the longer side.
-pub const LEAST_SIDE: u32 = 160;
+const LEAST_SIDE: u32 = 160;
 
 /// Seconds of unused share that are kept for a burst of pictures.
 const BURST: f64 = 1.0;

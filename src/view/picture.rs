@@ -51,10 +51,9 @@ pub(super) fn photograph(shot: &Shot, side: u32) -> Result<Vec<u8>, String> {
 }
 
 fn pixels(shot: &Shot) -> Result<RgbImage, String> {
-    let supply = shot.photograph.as_ref().ok_or("there is no photograph here")?;
-    let pixels = supply.pixels().map_err(|error| error.to_string())?;
+    let source = shot.photograph.as_ref().ok_or("there is no photograph here")?;
     let (width, height) = (shot.camera.width, shot.camera.height);
-    RgbImage::from_raw(width, height, pixels.rgb8()).ok_or_else(|| "the photograph has another size".to_owned())
+    RgbImage::from_raw(width, height, source.pixels()?).ok_or_else(|| "the photograph has another size".to_owned())
 }
 
 fn colours(picture: &Picture) -> Result<RgbImage, String> {

@@ -1,8 +1,9 @@
 //! What a page knows of a scene before the first picture.
 
+use std::sync::Arc;
+
 use serde_json::{Value, json};
 
-use crate::dataset::Supply;
 use crate::scene::{Camera, Frame};
 
 /// A scene for a page.
@@ -22,8 +23,8 @@ pub struct SceneInfo {
     pub frame: Frame,
     /// Whether the splats of the low-frequency stage are told apart.
     pub parts: bool,
-    /// Most pixels on the longer side of a picture.
-    pub most_side: u32,
+    /// Most pixels of a picture.
+    pub most_pixels: u32,
     /// Whether a training runs.
     pub training: bool,
 }
@@ -38,8 +39,33 @@ pub struct Shot {
     /// Whether the photograph is held out of the training.
     pub held_out: bool,
     /// The pixels, if the photograph is there.
-    pub photograph: Option<Supply>,
+    pub photograph: Option<Source>,
 }
+
+/// Where the pixels of a photograph come from.
+#[derive(Clone)]
+pub struct Source(Arc<dyn Fn() -> Result<Vec<u8>, String> + Send + Sync>);
+
+impl Source {
+    /// From a function that gives 8-bit (r, g, b) of each pixel, row-major, at the camera's size.
+    pub fn new(pixels: impl Fn() -> Result<Vec<u8>, String> + Send + Sync + 'static) -> Self {
+        Self(Arc::new(pixels))
+    }
+
+    /// The pixels.
+    pub(super) fn pixels(&self) -> Result<Vec<u8>, String> {
+        (self.0)()
+    }
+}
+
+impl std::fmt::Debug for Source {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Source")
+    }
+}
+
+/// Most pixels of a picture where memory does not matter.
+const MOST_PIXELS: u32 = 2560 * 1600;
 
 /// Share of splats or cameras that count as the middle.
 const QUARTERS: [f64; 2] = [0.25, 0.75];
@@ -55,7 +81,7 @@ impl SceneInfo {
             radius: Frame::EXTENT,
             frame,
             parts: false,
-            most_side: 1600,
+            most_pixels: MOST_PIXELS,
             training: false,
         }
     }
@@ -102,6 +128,14 @@ impl SceneInfo {
         self
     }
 
+    /// A size of the same shape with at most [`Self::most_pixels`].
+    pub(super) fn within(&self, (width, height): (u32, u32)) -> (u32, u32) {
+        let pixels = f64::from(width) * f64::from(height);
+        let share = (f64::from(self.most_pixels) / pixels.max(1.0)).sqrt().min(1.0);
+        let scaled = |v: u32| ((f64::from(v) * share) as u32).max(1);
+        (scaled(width), scaled(height))
+    }
+
     /// The scene as the page reads it.
     pub(super) fn json(&self) -> Value {
         let shots: Vec<Value> = self.shots.iter().map(shot).collect();
@@ -114,7 +148,7 @@ impl SceneInfo {
             "scale": self.frame.scale,
             "offset": self.frame.offset,
             "parts": self.parts,
-            "mostSide": self.most_side,
+            "mostPixels": self.most_pixels,
             "training": self.training,
         })
     }

@@ -4,6 +4,7 @@ mod resume;
 mod run;
 mod run_loop;
 mod startup_log;
+mod watched;
 
 pub(crate) use run::train;
 
@@ -14,12 +15,13 @@ use anyhow::Context as _;
 use psrgs_vk::format::names;
 use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::{LidarCloud, Method};
+use psrgs_vk::view::Address;
 
 use crate::cli::asked::Asked;
 use crate::cli::console::{self, Console};
 use crate::cli::exit::Failure;
 use crate::cli::interrupt::Interrupt;
-use crate::cli::{presets, run_folder};
+use crate::cli::{live_page, presets, run_folder};
 
 /// Settings that may change on resume, because no finished step depends on them.
 const FREE_ON_RESUME: [&str; 8] = [
@@ -67,6 +69,12 @@ pub(crate) struct Args {
     /// Print the settings that would hold, as a settings file, and stop
     #[arg(long, help_heading = "Run")]
     pub(crate) print_settings: bool,
+    /// Show the training on a page in the browser, at this address; the page stays after the training until Ctrl-C
+    #[arg(
+        long, value_name = "ADDR", num_args = 0..=1, default_missing_value = live_page::ADDRESS, help_heading = MOST_USED,
+        display_order = 3
+    )]
+    pub(crate) view: Option<Address>,
     /// For tests: the device is as if lost after this step
     #[cfg(debug_assertions)]
     #[arg(long, value_name = "STEP", hide = true)]
@@ -79,7 +87,6 @@ pub(crate) struct Args {
     pub(crate) asked: Asked,
 }
 
-/// The default method.
 /// A training run.
 #[derive(Debug)]
 pub(crate) struct RunPlan {
@@ -93,12 +100,15 @@ pub(crate) struct RunPlan {
     pub(crate) overwrite: bool,
     /// Message about the preset.
     pub(crate) preset: Option<String>,
+    /// Where the training is shown.
+    pub(crate) view: Option<Address>,
     /// For tests: the step after which the device counts as lost.
     pub(crate) lose_device_at: Option<u32>,
     /// For tests: whether every step decodes its photographs again.
     pub(crate) keep_no_photographs: bool,
 }
 
+/// The default method.
 pub(crate) const METHOD: Method = Method::Psrgs;
 
 impl Args {
@@ -168,7 +178,8 @@ impl Args {
         let (lose_device_at, keep_no_photographs) = (None, false);
         let overwrite = self.overwrite;
         let resume = self.resume.is_some();
-        Ok(RunPlan { settings, out, resume, overwrite, preset, lose_device_at, keep_no_photographs })
+        let view = self.view.clone();
+        Ok(RunPlan { settings, out, resume, overwrite, preset, view, lose_device_at, keep_no_photographs })
     }
 }
 

@@ -6,8 +6,10 @@ use anyhow::Context as _;
 use psrgs_vk::dataset::Dataset;
 use psrgs_vk::train::prepare::{Setup, SetupRequest};
 use psrgs_vk::train::{Trainer, prepare};
+use psrgs_vk::view::State;
 
 use super::RunPlan;
+use super::watched::{self, Watched};
 use super::{resume, run_loop, startup_log};
 use crate::cli::console::Console;
 use crate::cli::finished::Finished;
@@ -48,6 +50,7 @@ pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, st
     let Setup { settings, input, restart, host, stereo_seconds, .. } = setup;
     let (done, earlier_seconds) = restart.as_ref().map_or((0, 0.0), |r| (r.step, r.seconds));
     let (left_out, undecoded) = (input.optional.left_out.clone(), input.optional.undecoded.clone());
+    let scene = plan.view.as_ref().map(|_| watched::scene(plan, &dataset, &input));
     let mut trainer = Trainer::new(&gpu, input, &settings, host.pacing, restart)?;
     interrupt.work_begins("stopping after this step and saving; once more to stop at once");
     trainer.give_up_scoring_when({
@@ -56,8 +59,15 @@ pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, st
     });
     folder.begin(&settings)?;
     trainer.keep_checkpoints(&folder.checkpoints());
+    let mut page = match (&plan.view, scene) {
+        (Some(address), Some(scene)) => Some(Watched::begin(address, scene, &trainer, console)?),
+        _ => None,
+    };
     let mut to_the_end = || {
-        let training_seconds = run_loop::follow(&mut trainer, plan, &gpu, console, interrupt, done)?;
+        let training_seconds = run_loop::follow(&mut trainer, plan, &gpu, (console, interrupt), done, page.as_mut())?;
+        if let Some(page) = &page {
+            page.tell(State::Writing);
+        }
         // The last checkpoint has the whole training, and files are written whole or not at all.
         let resume = plan.out.display();
         interrupt.ends_at_once(format!(
@@ -80,7 +90,11 @@ pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, st
             left_out: &left_out,
             undecoded: &undecoded,
         };
-        outputs::write(&finished, &mut trainer, &mut lpips, console)
+        outputs::write(&finished, &mut trainer, &mut lpips, console)?;
+        if let Some(page) = &mut page {
+            page.stay(&mut trainer, &gpu, (interrupt, console));
+        }
+        Ok(())
     };
     to_the_end().map_err(|error| folder.with_resume_hint(error))
 }

@@ -4,6 +4,7 @@ use psrgs_vk::train::{Message, Trainer};
 use psrgs_vk::vk::Gpu;
 
 use super::RunPlan;
+use super::watched::{Watched, Wish};
 use crate::cli::console::Console;
 use crate::cli::exit::Failure;
 use crate::cli::interrupt::Interrupt;
@@ -15,15 +16,19 @@ pub(super) fn follow(
     trainer: &mut Trainer,
     plan: &RunPlan,
     gpu: &Gpu,
-    console: &Console,
-    interrupt: &Interrupt,
+    (console, interrupt): (&Console, &Interrupt),
     done: u32,
+    mut page: Option<&mut Watched>,
 ) -> anyhow::Result<f64> {
     let iterations = trainer.schedule().iterations;
     let mut progress = Progress::new(console, done, iterations).with_stages(trainer.schedule().low_until);
     let mut seconds = 0.0;
     while let Some(message) = trainer.next_message()? {
         tell(&message, &mut progress);
+        let stopped_on_page = match &mut page {
+            Some(page) => page.hear(&message, trainer, gpu, interrupt)? == Wish::Stop,
+            None => false,
+        };
         match message {
             Message::Step { step, seconds: now, .. } => {
                 seconds = now;
@@ -33,7 +38,7 @@ pub(super) fn follow(
                 if progress.wants_estimate(step) {
                     progress.estimate(step, now, gpu.memory_use().current, !plan.settings.density.no_densify);
                 }
-                if interrupt.asked() && step < iterations {
+                if (interrupt.asked() || stopped_on_page) && step < iterations {
                     progress.finish();
                     return Err(stopped(trainer, plan)?.into());
                 }

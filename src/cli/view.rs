@@ -1,0 +1,163 @@
+//! `psrgs-vk view`: a model on a page in the browser.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use psrgs_vk::dataset::{Dataset, LoadOptions, Role, View};
+use psrgs_vk::raster::{Look, Picture};
+use psrgs_vk::scene::{Camera, Frame};
+use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice};
+use psrgs_vk::view::{Address, Drawable, Pacer, SceneInfo, Shot, Source, State, answer};
+use psrgs_vk::vk::{Buffer, Gpu, Memory};
+
+use super::colour::Colour;
+use super::console::Console;
+use super::interrupt::Interrupt;
+use super::model_file::{DrawingArgs, Drawn, ModelFile};
+use super::model_frame::FrameArgs;
+use super::{device, live_page};
+
+/// Pictures a second while somebody moves.
+const RATE: f64 = 15.0;
+
+/// Longest wait before the program looks whether it is to end.
+const NAP: Duration = Duration::from_millis(100);
+
+/// Look at a model on a page in the browser
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  psrgs-vk view fox-model/point_cloud.ply --cameras fox
+  psrgs-vk view fox-model/point_cloud.ply --address 9000
+
+The program renders on its device and the browser shows the pictures, so the page works through a tunnel as well: \
+`ssh -L 8765:localhost:8765 HOST`, then open the printed address. Ctrl-C ends the program.")]
+pub(crate) struct Args {
+    /// Model
+    pub(crate) model: PathBuf,
+    /// Dataset whose cameras and photographs are shown
+    #[arg(long, value_name = "DATA")]
+    pub(crate) cameras: Option<PathBuf>,
+    /// Serve the page at this address: PORT, HOST or HOST:PORT. A host other than this machine's own opens the page to
+    /// other machines
+    #[arg(long, value_name = "ADDR", default_value = live_page::ADDRESS)]
+    pub(crate) address: Address,
+    /// Photographs are reduced until their longer side has at most this many pixels
+    #[arg(long, value_name = "PX", default_value_t = 1600)]
+    pub(crate) max_side: u32,
+    /// Colour behind the splats: black, white, #rrggbb, or R,G,B with numbers from 0 to 1
+    #[arg(long, value_name = "COLOUR", default_value = "black")]
+    pub(crate) background: Colour,
+    /// Draw as a model trained with --antialias [default: what the model file says]
+    #[arg(long)]
+    pub(crate) antialias: bool,
+    /// Refuse a file with a record that cannot be used; otherwise up to a tenth of them are left out, with a warning
+    #[arg(long)]
+    pub(crate) strict: bool,
+    #[command(flatten)]
+    pub(crate) frame: FrameArgs,
+    #[command(flatten)]
+    pub(crate) drawing: DrawingArgs,
+    #[command(flatten)]
+    pub(crate) device: DeviceChoice,
+    #[command(flatten)]
+    pub(crate) blending: BlendingVariants,
+}
+
+pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyhow::Result<()> {
+    let model = ModelFile::read(&args.model, args.antialias, &args.frame, args.strict, console)?;
+    let (frame, shots) = match &args.cameras {
+        Some(data) => cameras(data, args, console)?,
+        None => (Frame::IDENTITY, Vec::new()),
+    };
+    let gpu = device::open(&args.device, false, console)?;
+    let drawn = model.upload(&gpu, &args.blending, &args.drawing, &frame, &args.background)?;
+    let ids = identities(&gpu, &model)?;
+    let mut scene = SceneInfo::new(&title(&args.model), frame).with_shots(shots).around(&model.in_scene(&frame).means);
+    scene.parts = ids.is_some();
+    let splats = model.splats() as u32;
+    drop(model);
+
+    let server = live_page::start(&args.address, scene, console)?;
+    let board = server.board();
+    board.tell(|status| (status.state, status.splats) = (State::Final, splats));
+    console.say("Ctrl-C ends the page");
+    interrupt.work_begins("the page is closed");
+    let mut pacer = Pacer::new(1.0, RATE, Instant::now());
+    let mut easel = Easel { drawn, ids };
+    while !interrupt.asked() {
+        match board.take() {
+            Some(wanted) => answer(wanted, server.scene(), &board, &mut pacer, &mut easel),
+            None => board.wait(NAP),
+        }
+    }
+    Ok(())
+}
+
+/// The frame of a dataset, and its cameras with the photographs that are there.
+fn cameras(data: &Path, args: &Args, console: &Console) -> anyhow::Result<(Frame, Vec<Shot>)> {
+    let options = LoadOptions { max_side: Some(args.max_side), strict: args.strict, ..LoadOptions::default() };
+    let dataset = match Dataset::load(data, &options) {
+        Ok(dataset) => dataset,
+        // Cameras without photographs are worth a look.
+        Err(_) => Dataset::load(data, &LoadOptions { photographs: false, ..options })?,
+    };
+    dataset.warnings.iter().filter(|warning| warning.is_of_files()).for_each(|warning| console.warn(warning));
+    let shots = dataset.views.iter().enumerate().filter_map(|(i, view)| {
+        Some(Shot {
+            name: view.name.clone(),
+            camera: dataset.scene_camera(i)?,
+            held_out: view.role == Role::HeldOut,
+            photograph: dataset.images.is_some().then(|| source(view)),
+        })
+    });
+    Ok((dataset.frame, shots.collect()))
+}
+
+/// The pixels of a photograph, decoded whenever the page asks for them.
+fn source(view: &View) -> Source {
+    let view = view.clone();
+    Source::new(move || Ok(view.photograph().map_err(|error| error.to_string())?.pixels.rgb8()))
+}
+
+/// The identities of the splats, and the number below which they belong to the low-frequency stage.
+fn identities(gpu: &Gpu, model: &ModelFile) -> anyhow::Result<Option<(Buffer, u32)>> {
+    let Some(below) = model.constrained() else { return Ok(None) };
+    let ids: Vec<u32> = (0..model.splats() as u32).collect();
+    let buffer = gpu.buffer("ids", 4 * ids.len().max(1) as u64, Memory::Device)?;
+    if !ids.is_empty() {
+        gpu.write(&buffer, &ids)?;
+    }
+    Ok(Some((buffer, below as u32)))
+}
+
+/// The name of a model: that of its run where the file has the name that every run gives.
+fn title(file: &Path) -> String {
+    let name = |path: Option<&Path>| Some(path?.file_name()?.to_string_lossy().into_owned());
+    let own = name(Some(file)).unwrap_or_default();
+    match name(file.parent()) {
+        Some(folder) if own == super::run_folder::MODEL => folder,
+        _ => own,
+    }
+}
+
+/// A model with the identities of its splats.
+struct Easel {
+    drawn: Drawn,
+    ids: Option<(Buffer, u32)>,
+}
+
+impl Drawable for Easel {
+    fn settle(&mut self) -> Result<(), String> {
+        Ok(())
+    }
+
+    fn draw(&mut self, camera: &Camera, look: Look) -> Result<Picture, String> {
+        let ids = self.ids.as_ref().map(|(buffer, below)| (buffer, *below));
+        self.drawn.look(camera, look, ids).map_err(|error| error.to_string())
+    }
+
+    fn depths(&mut self, camera: &Camera) -> Result<Vec<f32>, String> {
+        Ok(self.drawn.probe(camera, None).map_err(|error| error.to_string())?.median)
+    }
+}
