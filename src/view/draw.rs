@@ -27,22 +27,28 @@ pub fn answer(wanted: Wanted, scene: &SceneInfo, board: &Board, pacer: &mut Pace
         return wanted.answer(Reply::Failed(why));
     }
     let begun = Instant::now();
-    let (reply, size) = match &wanted.ask {
+    let (reply, camera) = match &wanted.ask {
         Ask::Frame(ask) => {
-            let size = pacer.size(scene.within(ask.size), ask.moving);
-            match ask.pose.camera(scene, size) {
-                Some(camera) => (model.draw(&camera, ask.look()).map(Reply::Frame), (camera.width, camera.height)),
-                None => (Err("there is no such photograph".to_owned()), size),
-            }
+            let camera = ask.pose.camera(scene, ask.size).and_then(|whole| {
+                let size = pacer.size((whole.width, whole.height), ask.moving);
+                ask.pose.camera(scene, size)
+            });
+            let drawn = camera.map(|camera| model.draw(&camera, ask.look()).map(Reply::Frame));
+            (drawn, camera)
         }
         Ask::Pick(ask) => {
-            let size = scene.within(ask.size);
-            let camera = ask.pose.camera(scene, size);
-            let depths = camera.map(|camera| model.depths(&camera).map(|z| Reply::Point(ask.point(&camera, &z))));
-            (depths.unwrap_or_else(|| Err("there is no such photograph".to_owned())), size)
+            let camera = ask.pose.camera(scene, ask.size).and_then(|whole| {
+                let size = pacer.size((whole.width, whole.height), false);
+                ask.pose.camera(scene, size)
+            });
+            let point = camera.map(|camera| model.depths(&camera).map(|z| Reply::Point(ask.point(&camera, &z))));
+            (point, camera)
         }
     };
-    pacer.drew(size, begun.elapsed().as_secs_f64());
-    board.drew();
+    if let Some(camera) = camera {
+        pacer.drew((camera.width, camera.height), begun.elapsed().as_secs_f64());
+        board.drew();
+    }
+    let reply = reply.unwrap_or_else(|| Err("there is no such photograph".to_owned()));
     wanted.answer(reply.unwrap_or_else(Reply::Failed));
 }

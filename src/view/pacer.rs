@@ -5,6 +5,9 @@ use std::time::{Duration, Instant};
 /// Pictures are not reduced below this many pixels on the longer side.
 const LEAST_SIDE: u32 = 160;
 
+/// Most pixels of a picture where memory has room.
+const MOST_PIXELS: u32 = 2560 * 1600;
+
 /// Seconds of unused share that are kept for a burst of pictures.
 const BURST: f64 = 1.0;
 
@@ -19,6 +22,8 @@ const NEW: f64 = 0.3;
 #[derive(Clone, Debug)]
 pub struct Pacer {
     share: f64,
+    /// Most pixels of a picture.
+    most: u32,
     /// Pictures a second while somebody moves, as long as the size allows.
     rate: f64,
     /// Seconds of device time that may be spent. Negative after an expensive picture.
@@ -31,7 +36,13 @@ pub struct Pacer {
 impl Pacer {
     /// A pacer for a share of device time (1: all of it) and pictures a second while somebody moves.
     pub fn new(share: f64, rate: f64, now: Instant) -> Self {
-        Self { share, rate, credit: share * BURST, at: now, costs: Vec::new() }
+        Self { share, most: MOST_PIXELS, rate, credit: share * BURST, at: now, costs: Vec::new() }
+    }
+
+    /// With at most this many pixels in a picture, because memory has no more room.
+    #[must_use]
+    pub fn within(self, most: u32) -> Self {
+        Self { most, ..self }
     }
 
     /// How long to wait before the next picture may be drawn; zero: none.
@@ -43,7 +54,10 @@ impl Pacer {
     }
 
     /// The size to draw for a wanted size. `moving` asks for many pictures rather than large ones.
-    pub fn size(&self, (width, height): (u32, u32), moving: bool) -> (u32, u32) {
+    pub fn size(&self, wanted: (u32, u32), moving: bool) -> (u32, u32) {
+        let pixels = f64::from(wanted.0) * f64::from(wanted.1);
+        let share = (f64::from(self.most) / pixels.max(1.0)).sqrt().min(1.0);
+        let (width, height) = (within(wanted.0, share), within(wanted.1, share));
         let longest = width.max(height).max(1);
         if !moving || longest <= LEAST_SIDE {
             return (width.max(1), height.max(1));
@@ -73,6 +87,10 @@ impl Pacer {
         let Some((from, cost)) = known else { return f64::INFINITY };
         cost * 4_f64.powf((step - from) as f64 / f64::from(STEPS_TO_DOUBLE))
     }
+}
+
+fn within(side: u32, share: f64) -> u32 {
+    ((f64::from(side) * share) as u32).max(1)
 }
 
 /// Step of size of a longer side.
@@ -134,6 +152,8 @@ mod tests {
         let mut pacer = Pacer::new(0.13, 5.0, start);
         assert!(pacer.wait(start).is_zero());
         assert_eq!(pacer.size((100, 40), true), (100, 40));
+        assert_eq!(pacer.size((4000, 4000), false).0, 2023);
+        assert_eq!(pacer.clone().within(100).size((40, 40), false), (10, 10));
         assert_eq!(pacer.size((320, 160), true), (160, 80));
         pacer.drew((320, 160), 2.0);
         let wait = pacer.wait(start).as_secs_f64();

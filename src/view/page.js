@@ -128,7 +128,7 @@ function jump(index) {
 function wanted() {
   const scale = window.devicePixelRatio || 1;
   const [w, h] = [canvas.clientWidth * scale, canvas.clientHeight * scale];
-  const fit = Math.min(1, scene ? Math.sqrt(scene.mostPixels / (w * h)) : 1);
+  const fit = Math.min(1, Math.sqrt(4e6 / (w * h)));
   return [Math.max(1, Math.round(w * fit)), Math.max(1, Math.round(h * fit))];
 }
 function pose() {

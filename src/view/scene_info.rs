@@ -23,8 +23,6 @@ pub struct SceneInfo {
     pub frame: Frame,
     /// Whether the splats of the low-frequency stage are told apart.
     pub parts: bool,
-    /// Most pixels of a picture.
-    pub most_pixels: u32,
     /// Whether a training runs.
     pub training: bool,
 }
@@ -64,9 +62,6 @@ impl std::fmt::Debug for Source {
     }
 }
 
-/// Most pixels of a picture where memory does not matter.
-const MOST_PIXELS: u32 = 2560 * 1600;
-
 /// Share of splats or cameras that count as the middle.
 const QUARTERS: [f64; 2] = [0.25, 0.75];
 
@@ -81,7 +76,6 @@ impl SceneInfo {
             radius: Frame::EXTENT,
             frame,
             parts: false,
-            most_pixels: MOST_PIXELS,
             training: false,
         }
     }
@@ -128,14 +122,6 @@ impl SceneInfo {
         self
     }
 
-    /// A size of the same shape with at most [`Self::most_pixels`].
-    pub(super) fn within(&self, (width, height): (u32, u32)) -> (u32, u32) {
-        let pixels = f64::from(width) * f64::from(height);
-        let share = (f64::from(self.most_pixels) / pixels.max(1.0)).sqrt().min(1.0);
-        let scaled = |v: u32| ((f64::from(v) * share) as u32).max(1);
-        (scaled(width), scaled(height))
-    }
-
     /// The scene as the page reads it.
     pub(super) fn json(&self) -> Value {
         let shots: Vec<Value> = self.shots.iter().map(shot).collect();
@@ -148,7 +134,6 @@ impl SceneInfo {
             "scale": self.frame.scale,
             "offset": self.frame.offset,
             "parts": self.parts,
-            "mostPixels": self.most_pixels,
             "training": self.training,
         })
     }

@@ -60,11 +60,8 @@ pub(super) fn scene(plan: &RunPlan, dataset: &Dataset, input: &Input) -> SceneIn
     let train = input.train.iter().map(|view| shot(view, false));
     let mut shots: Vec<Shot> = train.chain(input.held_out.iter().map(|view| shot(view, true))).collect();
     shots.sort_by(|a, b| a.name.cmp(&b.name));
-    // Larger pictures would need memory that the plan of the training does not have.
-    let pixels = shots.iter().map(|shot| shot.camera.width * shot.camera.height).max();
     let name = plan.out.file_name().unwrap_or(plan.out.as_os_str()).to_string_lossy();
     let mut scene = SceneInfo::new(&name, dataset.frame).with_shots(shots).around(&input.initial.means);
-    scene.most_pixels = pixels.unwrap_or(scene.most_pixels);
     scene.training = true;
     scene
 }
@@ -82,8 +79,10 @@ impl Watched {
         let server = live_page::start(address, scene, console)?;
         let board = server.board();
         board.tell(|status| (status.steps, status.low_until) = (schedule.iterations, schedule.low_until));
-        let now = Instant::now();
-        let pacers = [Pacer::new(SHARE, RATES[0], now), Pacer::new(1.0, RATES[1], now)];
+        // Larger pictures would need memory that the plan of the training does not have.
+        let pixels = server.scene().shots.iter().map(|shot| shot.camera.width * shot.camera.height).max().unwrap_or(1);
+        let pacers = [(SHARE, RATES[0]), (1.0, RATES[1])]
+            .map(|(share, rate)| Pacer::new(share, rate, Instant::now()).within(pixels));
         Ok(Self { server, board, pacers, reported: 0.0, recent: VecDeque::new(), loss: (0.0, 0) })
     }
 
@@ -126,6 +125,7 @@ impl Watched {
         self.tell(State::Final);
         console.say("the page goes on with the final model; Ctrl-C ends the program");
         interrupt.work_begins("the page is closed");
+        self.pacers[1] = Pacer::new(1.0, RATES[1], Instant::now());
         while !interrupt.asked() {
             // The training is over: its commands have no meaning.
             while self.board.take_command().is_some() {}
