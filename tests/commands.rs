@@ -21,6 +21,8 @@ mod full_disk;
 mod kills;
 #[path = "commands/lidar.rs"]
 mod lidar;
+#[path = "commands/live_page.rs"]
+mod live_page;
 #[path = "commands/memory.rs"]
 mod memory;
 #[path = "commands/names.rs"]

@@ -191,6 +191,7 @@ impl Board {
             "seconds": status.seconds,
             "left": status.left,
             "note": status.note,
+            "drawn": inner.drawn,
             "curves": inner.curves.json(),
         })
     }

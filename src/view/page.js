@@ -263,19 +263,22 @@ async function pick(event) {
   const found = answer.status === 200 ? await answer.json() : { scene: null };
   return found.scene ? found : null;
 }
+function told(text) {
+  $("measured").hidden = !text;
+  $("measured").textContent = text;
+}
 async function measure(event) {
   const found = await pick(event);
-  if (!found) return void ($("measured").textContent = "There is no surface here.");
+  if (!found) return told("There is no surface here.");
   points = points.length === 1 ? [points[0], found] : [found];
   if (points.length === 2) {
     const [a, b] = points.map((p) => p.dataset);
     const difference = add(b, a, -1);
     const rise = dot(difference, scene.up);
     const across = Math.sqrt(Math.max(0, dot(difference, difference) - rise * rise));
-    $("measured").textContent =
-      `Distance ${significant(length(difference))}, height ${significant(rise)}, across ${significant(across)} (units of the dataset)`;
+    told(`Distance ${significant(length(difference))}, height ${significant(rise)}, across ${significant(across)} (units of the dataset)`);
   } else {
-    $("measured").textContent = `Point ${found.dataset.map((v) => significant(v, 7)).join(", ")}. Choose a second one.`;
+    told(`Point ${found.dataset.map((v) => significant(v, 7)).join(", ")}. Choose a second one.`);
   }
   paint();
 }
@@ -330,18 +333,20 @@ canvas.addEventListener("wheel", (event) => {
 }, { passive: false });
 
 const held = new Set();
+let lastFlight = 0;
+let quick = false;
 const FLY = { KeyW: [2, 1], KeyS: [2, -1], KeyA: [0, -1], KeyD: [0, 1], KeyQ: [1, 1], KeyE: [1, -1] };
 const TURN = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 canvas.addEventListener("keydown", (event) => {
   if (!(event.code in FLY || event.code in TURN) || event.ctrlKey || event.metaKey || event.altKey) return;
   event.preventDefault();
+  quick = event.shiftKey;
   if (held.size === 0) requestAnimationFrame(fly);
   held.add(event.code);
   lastFlight = lastFlight || performance.now() - 16;
 });
-window.addEventListener("keyup", (event) => held.delete(event.code));
+window.addEventListener("keyup", (event) => { held.delete(event.code); quick = event.shiftKey; });
 window.addEventListener("blur", () => held.clear());
-let lastFlight = 0;
 function fly(now) {
   if (held.size === 0 || !scene) {
     lastFlight = 0;
@@ -349,7 +354,7 @@ function fly(now) {
   }
   const seconds = Math.min(0.1, Math.max(0, now - lastFlight) / 1000);
   lastFlight = now;
-  const speed = camera.distance * 0.8 * seconds;
+  const speed = camera.distance * 0.8 * seconds * (quick ? 4 : 1);
   for (const code of held) {
     if (FLY[code]) camera.position = add(camera.position, camera.rows[FLY[code][0]], FLY[code][1] * speed);
     if (TURN[code]) orbit(TURN[code][0] * 300 * seconds, TURN[code][1] * 300 * seconds, false);
@@ -374,7 +379,7 @@ choose("part", "part", () => {});
 choose("drag", "drag", () => {
   if (shown.drag !== "measure") points = [];
   canvas.classList.toggle("measure", shown.drag === "measure");
-  if (shown.drag === "measure") $("measured").textContent = "Choose two points of the surface.";
+  told(shown.drag === "measure" ? "Choose two points of the surface." : "");
   paint();
 });
 function panel() {

@@ -9,6 +9,9 @@ use std::time::{Duration, Instant};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::{Value, json};
 
+/// Far longer than any wait here.
+const PATIENCE: Duration = Duration::from_secs(60);
+
 /// The browser on this machine.
 pub fn chromium() -> Option<PathBuf> {
     let names = ["chromium", "chromium-browser", "google-chrome"];
@@ -171,6 +174,62 @@ impl Browser {
         let buttons = u32::from(held && kind != "mouseReleased");
         let event = json!({ "type": kind, "x": x, "y": y, "button": button, "buttons": buttons, "clickCount": 1 });
         self.call("Input.dispatchMouseEvent", event);
+    }
+}
+
+impl Browser {
+    /// Waits until an expression in the page is true.
+    #[track_caller]
+    pub fn wait_for(&mut self, what: &str) {
+        let begun = Instant::now();
+        while self.value(what) != Value::Bool(true) {
+            assert!(begun.elapsed() < PATIENCE, "`{what}` has not come true");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// The middle of an element, after it was scrolled into sight.
+    #[track_caller]
+    pub fn middle(&mut self, selector: &str) -> [f64; 2] {
+        let place = self.value(&format!(
+            "(() => {{ const e = document.querySelector({}); e.scrollIntoView({{ block: 'center' }}); \
+             const b = e.getBoundingClientRect(); return [b.left + b.width / 2, b.top + b.height / 2]; }})()",
+            json!(selector)
+        ));
+        [0, 1].map(|k| place[k].as_f64().expect("a number"))
+    }
+
+    /// Clicks on the middle of an element with the mouse.
+    #[track_caller]
+    pub fn click(&mut self, selector: &str) {
+        let at = self.middle(selector);
+        self.mouse("mouseMoved", at, false);
+        self.mouse("mousePressed", at, true);
+        self.mouse("mouseReleased", at, true);
+    }
+
+    /// Presses the left button at a position, moves by steps to another one, and releases the button.
+    pub fn drag(&mut self, from: [f64; 2], to: [f64; 2]) {
+        self.mouse("mouseMoved", from, false);
+        self.mouse("mousePressed", from, true);
+        for k in 1..=5 {
+            let share = f64::from(k) / 5.0;
+            self.mouse("mouseMoved", [0, 1].map(|i| from[i] + share * (to[i] - from[i])), true);
+        }
+        self.mouse("mouseReleased", to, true);
+    }
+
+    /// Turns the wheel by some pixels.
+    pub fn wheel(&mut self, [x, y]: [f64; 2], pixels: f64) {
+        let event = json!({ "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": pixels });
+        self.call("Input.dispatchMouseEvent", event);
+    }
+
+    /// A touch event with fingers at some positions.
+    pub fn touch(&mut self, kind: &str, fingers: &[[f64; 2]]) {
+        let points: Vec<Value> =
+            fingers.iter().enumerate().map(|(id, [x, y])| json!({ "id": id, "x": x, "y": y })).collect();
+        self.call("Input.dispatchTouchEvent", json!({ "type": kind, "touchPoints": points }));
     }
 }
 
