@@ -476,10 +476,10 @@ async function send(command) {
 }
 $("pause").addEventListener("click", () => send(status.state === "paused" ? "resume" : "pause"));
 $("save").addEventListener("click", () => send("save"));
-let asked = 0;
+let asked = -Infinity;
 $("stop").addEventListener("click", () => {
   if (performance.now() - asked < 4000) {
-    asked = 0;
+    asked = -Infinity;
     $("stop").textContent = "Stop and save";
     send("stop");
     return;

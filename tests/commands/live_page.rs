@@ -321,12 +321,20 @@ fn a_page_moves_by_mouse_wheel_touch_and_keys() {
         browser.wait_for("served === wish");
     }
     browser.click("[data-drag=measure]");
-    for dx in [-40.0, 40.0] {
-        let at = [x + dx, y];
+    let surfaces: Vec<[f64; 2]> = (1..64).map(|k| [f64::from(k % 8) / 8.0, f64::from(k / 8) / 8.0]).filter(|[u, v]| {
+        let found = page.get(&format!("/pick?w={}&h={}&k=0&at={u},{v}", size[0], size[1]));
+        !serde_json::from_slice::<Value>(&found).expect("JSON")["scene"].is_null()
+    }).collect();
+    assert!(surfaces.len() > 1, "{} places with a surface", surfaces.len());
+    let corner = browser.value("(() => { const b = canvas.getBoundingClientRect(), s = canvas.width / canvas.clientWidth; \
+        const [l, t, w, h] = place(); return [b.left + l / s, b.top + t / s, w / s, h / s]; })()");
+    let [left, top, width, height] = [0, 1, 2, 3].map(|k| corner[k].as_f64().expect("a number"));
+    for (count, [u, v]) in [surfaces[0], surfaces[surfaces.len() - 1]].into_iter().enumerate() {
+        let at = [left + u * width, top + v * height];
         browser.mouse("mouseMoved", at, false);
         browser.mouse("mousePressed", at, true);
         browser.mouse("mouseReleased", at, true);
-        browser.wait_for(&format!("points.length === {}", if dx < 0.0 { 1 } else { 2 }));
+        browser.wait_for(&format!("points.length === {}", count + 1));
     }
     browser.wait_for("document.getElementById('measured').textContent.startsWith('Distance')");
     assert_eq!(page.end(), Some(0));
