@@ -321,13 +321,18 @@ fn a_page_moves_by_mouse_wheel_touch_and_keys() {
         browser.wait_for("served === wish");
     }
     browser.click("[data-drag=measure]");
-    let surfaces: Vec<[f64; 2]> = (1..64).map(|k| [f64::from(k % 8) / 8.0, f64::from(k / 8) / 8.0]).filter(|[u, v]| {
-        let found = page.get(&format!("/pick?w={}&h={}&k=0&at={u},{v}", size[0], size[1]));
-        !serde_json::from_slice::<Value>(&found).expect("JSON")["scene"].is_null()
-    }).collect();
+    let surfaces: Vec<[f64; 2]> = (1..64)
+        .map(|k| [f64::from(k % 8) / 8.0, f64::from(k / 8) / 8.0])
+        .filter(|[u, v]| {
+            let found = page.get(&format!("/pick?w={}&h={}&k=0&at={u},{v}", size[0], size[1]));
+            !serde_json::from_slice::<Value>(&found).expect("JSON")["scene"].is_null()
+        })
+        .collect();
     assert!(surfaces.len() > 1, "{} places with a surface", surfaces.len());
-    let corner = browser.value("(() => { const b = canvas.getBoundingClientRect(), s = canvas.width / canvas.clientWidth; \
-        const [l, t, w, h] = place(); return [b.left + l / s, b.top + t / s, w / s, h / s]; })()");
+    let corner = browser.value(
+        "(() => { const b = canvas.getBoundingClientRect(), s = canvas.width / canvas.clientWidth; \
+        const [l, t, w, h] = place(); return [b.left + l / s, b.top + t / s, w / s, h / s]; })()",
+    );
     let [left, top, width, height] = [0, 1, 2, 3].map(|k| corner[k].as_f64().expect("a number"));
     for (count, [u, v]) in [surfaces[0], surfaces[surfaces.len() - 1]].into_iter().enumerate() {
         let at = [left + u * width, top + v * height];
