@@ -34,9 +34,9 @@ float outline(vec4 p, vec4 q, vec2 d) {
     const float along = d.x + p.w / p.z * d.y;
     const float distance = sqrt(max(p.z * along * along + q.w * d.y * d.y, 0.0));
     const vec2 slope = vec2(p.z * d.x + p.w * d.y, p.w * d.x + q.x * d.y);
-    // Pixels to the ellipse, to first order.
-    const float pixels = abs(distance - RADIUS) * distance / max(length(slope), 1e-12);
-    const float line = clamp(HALF_LINE - pixels, 0.0, 1.0);
+    // Pixels to the ellipse, to first order; at the mean, where the distance has no slope, there is no line.
+    const float pixels = abs(distance - RADIUS) * distance / max(length(slope), 1e-30);
+    const float line = distance > 0.0 ? clamp(HALF_LINE - pixels, 0.0, 1.0) : 0.0;
     return q.y * max(line, FILL * exp(-0.5 * distance * distance));
 }
 

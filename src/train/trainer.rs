@@ -50,6 +50,8 @@ pub struct Trainer {
     /// The held-out photographs.
     truth: Feed,
     pacing: Pacing,
+    /// Most events in flight while somebody looks.
+    most_in_flight: Option<usize>,
     next: Event,
     in_flight: VecDeque<(Event, Ticket)>,
     messages: VecDeque<Message>,
@@ -129,6 +131,7 @@ impl Trainer {
             held_out: input.held_out,
             truth: Feed::new(truth, pacing.decoded_ahead, pacing.decoders()),
             pacing,
+            most_in_flight: None,
             next: Event::of_step(step + 1),
             in_flight: VecDeque::new(),
             messages: VecDeque::new(),
@@ -205,7 +208,8 @@ impl Trainer {
 
     /// Whether another event may be submitted before the outcome of the oldest is read.
     fn has_room(&self) -> bool {
-        self.in_flight.len() < self.pacing.events_in_flight()
+        let most = self.pacing.events_in_flight();
+        self.in_flight.len() < self.most_in_flight.map_or(most, |fewer| fewer.clamp(1, most))
     }
 
     /// Submits the next event.

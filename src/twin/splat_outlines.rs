@@ -17,9 +17,9 @@ pub fn outlines<R: Real>(blend: &Blend<R>) -> Vec<[R; 4]> {
             let [u, v] = Blend::<R>::center(x, y);
             let alpha = outline(row, [u - row[0], v - row[1]]).min(R::of(0.99));
             for (sum, part) in colour.iter_mut().zip(&row[8..11]) {
-                *sum = *sum + alpha * transmittance * *part;
+                *sum += alpha * transmittance * *part;
             }
-            transmittance = transmittance * (R::one() - alpha);
+            transmittance *= R::one() - alpha;
         }
         let [r, g, b] = std::array::from_fn(|k| colour[k] + transmittance * blend.background[k]);
         [r, g, b, transmittance]
@@ -33,9 +33,10 @@ fn outline<R: Real>(row: &[R; 12], d: [R; 2]) -> R {
     let along = d[0] + row[3] / row[2] * d[1];
     let distance = (row[2] * along * along + row[7] * d[1] * d[1]).max(R::zero()).sqrt();
     let slope = [row[2] * d[0] + row[3] * d[1], row[3] * d[0] + row[4] * d[1]];
-    let steep = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt().max(R::of(1e-12));
+    let steep = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt().max(R::of(1e-30));
     let pixels = (distance - of(RADIUS)).abs() * distance / steep;
     let line = (of(HALF_LINE) - pixels).max(R::zero()).min(R::one());
+    let line = if distance > R::zero() { line } else { R::zero() };
     row[5] * line.max(of(FILL) * (-distance * distance / R::of(2.0)).exp())
 }
 

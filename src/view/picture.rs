@@ -16,12 +16,15 @@ const QUALITY: [u8; 2] = [92, 75];
 /// Differences from this many 8-bit steps on are drawn alike.
 const MOST_ERROR: f32 = 64.0;
 
-/// A picture as a JPEG file, and the range of its colours where they mean a quantity.
-pub(super) fn encode(
-    picture: &Picture,
-    ask: &FrameAsk,
-    shot: Option<&Shot>,
-) -> Result<(Vec<u8>, Option<(f32, f32)>), String> {
+/// A picture as a JPEG file.
+pub(super) struct Encoded {
+    pub(super) jpeg: Vec<u8>,
+    /// The range of the colours where they mean a quantity.
+    pub(super) range: Option<(f32, f32)>,
+}
+
+/// Encodes a picture as its channel asks.
+pub(super) fn encode(picture: &Picture, ask: &FrameAsk, shot: Option<&Shot>) -> Result<Encoded, String> {
     let (image, range) = match ask.channel {
         Channel::Colour | Channel::Outlines => (colours(picture)?, None),
         Channel::Depth => {
@@ -36,7 +39,7 @@ pub(super) fn encode(
             (error(&colours(picture)?, &pixels(shot)?), Some((0.0, MOST_ERROR)))
         }
     };
-    Ok((jpeg(&image, QUALITY[usize::from(ask.moving)])?, range))
+    Ok(Encoded { jpeg: jpeg(&image, QUALITY[usize::from(ask.moving)])?, range })
 }
 
 /// A photograph as a JPEG file of at most `side` pixels on its longer side.

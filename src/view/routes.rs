@@ -104,9 +104,9 @@ impl Site {
         }
         match self.answer(request, Ask::Frame(ask.clone())) {
             Some(Reply::Frame(drawn)) => match picture::encode(&drawn, &ask, shot) {
-                Ok((bytes, range)) => {
+                Ok(picture::Encoded { jpeg, range }) => {
                     let size = format!("{}x{}", drawn.width, drawn.height);
-                    let response = Response::new("image/jpeg", bytes).with("X-Size", size);
+                    let response = Response::new("image/jpeg", jpeg).with("X-Size", size);
                     match range {
                         Some((low, high)) => response.with("X-Range", format!("{low} {high}")),
                         None => response,

@@ -321,10 +321,11 @@ fn a_page_moves_by_mouse_wheel_touch_and_keys() {
         browser.wait_for("served === wish");
     }
     browser.click("[data-drag=measure]");
-    let surfaces: Vec<[f64; 2]> = (1..64)
-        .map(|k| [f64::from(k % 8) / 8.0, f64::from(k / 8) / 8.0])
+    let wide = browser.value("wanted()");
+    let surfaces: Vec<[f64; 2]> = (0..64)
+        .map(|k| [k % 8, k / 8].map(|at| (f64::from(at) + 0.5) / 8.0))
         .filter(|[u, v]| {
-            let found = page.get(&format!("/pick?w={}&h={}&k=0&at={u},{v}", size[0], size[1]));
+            let found = page.get(&format!("/pick?w={}&h={}&k=0&at={u},{v}", wide[0], wide[1]));
             !serde_json::from_slice::<Value>(&found).expect("JSON")["scene"].is_null()
         })
         .collect();

@@ -25,6 +25,9 @@ const RATES: [f64; 2] = [5.0, 15.0];
 /// Longest wait before the program looks whether it is to end.
 const NAP: Duration = Duration::from_millis(100);
 
+/// Somebody looks for this long after a picture was wanted.
+const LOOKING: Duration = Duration::from_secs(1);
+
 /// Seconds between two reports of a step.
 const REPORT: f64 = 0.2;
 
@@ -44,6 +47,8 @@ pub(super) struct Watched {
     board: Arc<Board>,
     /// Of pictures beside the training, and of pictures with the device to themselves.
     pacers: [Pacer; 2],
+    /// When something was last wanted.
+    looked: Option<Instant>,
     reported: f64,
     /// Step and seconds of the last reports.
     recent: VecDeque<(u32, f64)>,
@@ -83,7 +88,7 @@ impl Watched {
         let pixels = server.scene().shots.iter().map(|shot| shot.camera.width * shot.camera.height).max().unwrap_or(1);
         let pacers = [(SHARE, RATES[0]), (1.0, RATES[1])]
             .map(|(share, rate)| Pacer::new(share, rate, Instant::now()).within(pixels));
-        Ok(Self { server, board, pacers, reported: 0.0, recent: VecDeque::new(), loss: (0.0, 0) })
+        Ok(Self { server, board, pacers, looked: None, reported: 0.0, recent: VecDeque::new(), loss: (0.0, 0) })
     }
 
     /// How far the work is.
@@ -101,6 +106,11 @@ impl Watched {
         interrupt: &Interrupt,
     ) -> anyhow::Result<Wish> {
         self.note(message);
+        if self.board.is_wanted() {
+            self.looked = Some(Instant::now());
+        }
+        let looks = self.looked.is_some_and(|at| at.elapsed() < LOOKING);
+        trainer.run_ahead_at_most(looks.then_some(1));
         let mut rest: Option<Instant> = None;
         let wish = loop {
             if self.commanded(trainer)? == Wish::Stop {
@@ -169,10 +179,8 @@ impl Watched {
                     self.report(*step, *splats, *seconds);
                 }
             }
-            Message::Evaluated { step, quality, .. } => {
-                if quality.psnr.is_finite() {
-                    self.board.add("psnr", *step, quality.psnr);
-                }
+            Message::Evaluated { step, quality, .. } if quality.psnr.is_finite() => {
+                self.board.add("psnr", *step, quality.psnr);
             }
             Message::Checkpoint { step, path } => {
                 self.board.tell(|status| status.note = format!("Saved step {step}: {}", path.display()));

@@ -80,6 +80,12 @@ impl Trainer {
         Ok(self.engine.probe(camera, sh_degree, None)?.median)
     }
 
+    /// Submits at most this many events ahead of the device (`None`: as many as the pacing allows), so that a picture does
+    /// not wait for many steps. Changes no result.
+    pub fn run_ahead_at_most(&mut self, events: Option<usize>) {
+        self.most_in_flight = events;
+    }
+
     /// Leaves a pause out of the seconds of training.
     pub fn leave_out(&mut self, pause: Duration) {
         self.started += pause;
