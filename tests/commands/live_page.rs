@@ -260,7 +260,7 @@ fn a_page_moves_by_mouse_wheel_touch_and_keys() {
     let page =
         Page::open(&["view", text(&run.join("point_cloud.ply")), "--cameras", text(&shared.data()), "--address", "0"]);
     let mut browser = Browser::visit(&chromium, &page.url, folder.path(), &[]);
-    browser.wait_for("bitmap !== null && served === wish");
+    browser.until("bitmap !== null && served === wish");
     assert_eq!(browser.value("location.search"), "", "the token is gone from the address");
     assert!(browser.value("document.querySelector('h1').textContent").as_str().is_some_and(|t| t.starts_with("<img")));
     assert!(browser.value("window.ran").is_null() && browser.value("document.querySelector('h1 img')").is_null());
@@ -285,7 +285,7 @@ fn a_page_moves_by_mouse_wheel_touch_and_keys() {
     let place = "JSON.stringify([camera.position, camera.rows, camera.distance])";
     let mut before = browser.value(place);
     let mut changes = |browser: &mut Browser, what: &str| {
-        browser.wait_for("served === wish");
+        browser.until("served === wish");
         let now = browser.value(place);
         assert_ne!(now, before, "{what} moves nothing");
         before = now;
@@ -313,12 +313,12 @@ fn a_page_moves_by_mouse_wheel_touch_and_keys() {
 
     // To a photograph and over to it; its error; a distance.
     browser.click("#next");
-    browser.wait_for("camera.at === 0 && photograph !== null && served === wish");
+    browser.until("camera.at === 0 && photograph !== null && served === wish");
     browser.click("[data-channel=error]");
-    browser.wait_for("served === wish && document.getElementById('high').textContent.includes('255')");
+    browser.until("served === wish && document.getElementById('high').textContent.includes('255')");
     for channel in ["depth", "normals", "outlines", "colour"] {
         browser.click(&format!("[data-channel={channel}]"));
-        browser.wait_for("served === wish");
+        browser.until("served === wish");
     }
     browser.click("[data-drag=measure]");
     let wide = browser.value("wanted()");
@@ -340,11 +340,11 @@ fn a_page_moves_by_mouse_wheel_touch_and_keys() {
         browser.mouse("mouseMoved", at, false);
         browser.mouse("mousePressed", at, true);
         browser.mouse("mouseReleased", at, true);
-        browser.wait_for(&format!("points.length === {}", count + 1));
+        browser.until(&format!("points.length === {}", count + 1));
     }
-    browser.wait_for("document.getElementById('measured').textContent.startsWith('Distance')");
+    browser.until("document.getElementById('measured').textContent.startsWith('Distance')");
     assert_eq!(page.end(), Some(0));
-    browser.wait_for("!document.getElementById('message').hidden || (moved(), false)");
+    browser.until("!document.getElementById('message').hidden || (moved(), false)");
 }
 
 #[test]
@@ -356,23 +356,23 @@ fn a_training_is_paused_and_stopped_on_its_page() {
     let long = ["--iterations", "100000", "--eval-every", "40"];
     let mut page = watched(shared, &out, &long);
     let mut browser = Browser::visit(&chromium, &page.url, folder.path(), &[]);
-    browser.wait_for("bitmap !== null && status !== null && status.step > 60");
-    browser.wait_for("document.querySelectorAll('figure').length === 3");
+    browser.until("bitmap !== null && status !== null && status.step > 60");
+    browser.until("document.querySelectorAll('figure').length === 3");
     let points = "Number(document.querySelector('figure[data-curve=loss]').dataset.points)";
     let few = browser.value(points).as_u64().expect("a number");
-    browser.wait_for(&format!("{points} > {few}"));
+    browser.until(&format!("{points} > {few}"));
     browser.click("#pause");
-    browser.wait_for("status.state === 'paused' && document.getElementById('pause').textContent === 'Go on'");
+    browser.until("status.state === 'paused' && document.getElementById('pause').textContent === 'Go on'");
     thread::sleep(Duration::from_millis(300));
     let rests = page.status()["step"].clone();
     thread::sleep(Duration::from_millis(300));
     assert_eq!(page.status()["step"], rests, "a paused training goes on");
     browser.click("#pause");
-    browser.wait_for(&format!("status.state === 'training' && status.step > {rests}"));
+    browser.until(&format!("status.state === 'training' && status.step > {rests}"));
     browser.click("#save");
-    browser.wait_for("document.getElementById('note').textContent.startsWith('Saved')");
+    browser.until("document.getElementById('note').textContent.startsWith('Saved')");
     browser.click("#stop");
-    browser.wait_for("document.getElementById('stop').textContent.startsWith('Really')");
+    browser.until("document.getElementById('stop').textContent.startsWith('Really')");
     browser.click("#stop");
     assert_eq!(page.child.wait().expect("an end").code(), Some(130));
     assert!(out.join("checkpoints").read_dir().expect("checkpoints").count() > 0);

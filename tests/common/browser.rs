@@ -9,9 +9,6 @@ use std::time::{Duration, Instant};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::{Value, json};
 
-/// Far longer than any wait here.
-const PATIENCE: Duration = Duration::from_secs(60);
-
 /// The browser on this machine.
 pub fn chromium() -> Option<PathBuf> {
     let names = ["chromium", "chromium-browser", "google-chrome"];
@@ -150,11 +147,7 @@ impl Browser {
 
     /// Clicks the middle of the element of a selector.
     pub fn click(&mut self, selector: &str) {
-        let place = self.value(&format!(
-            "(() => {{ const e = document.querySelector('{selector}'); e.scrollIntoView({{ block: 'center' }}); \
-             const b = e.getBoundingClientRect(); return [b.left + b.width / 2, b.top + b.height / 2]; }})()"
-        ));
-        let at = [0, 1].map(|k| place[k].as_f64().expect("a number"));
+        let at = self.middle(selector);
         for kind in ["mouseMoved", "mousePressed", "mouseReleased"] {
             self.mouse(kind, at, kind == "mousePressed");
         }
@@ -178,16 +171,6 @@ impl Browser {
 }
 
 impl Browser {
-    /// Waits until an expression in the page is true.
-    #[track_caller]
-    pub fn wait_for(&mut self, what: &str) {
-        let begun = Instant::now();
-        while self.value(what) != Value::Bool(true) {
-            assert!(begun.elapsed() < PATIENCE, "`{what}` has not come true");
-            std::thread::sleep(Duration::from_millis(20));
-        }
-    }
-
     /// The middle of an element, after it was scrolled into sight.
     #[track_caller]
     pub fn middle(&mut self, selector: &str) -> [f64; 2] {
@@ -197,15 +180,6 @@ impl Browser {
             json!(selector)
         ));
         [0, 1].map(|k| place[k].as_f64().expect("a number"))
-    }
-
-    /// Clicks on the middle of an element with the mouse.
-    #[track_caller]
-    pub fn click(&mut self, selector: &str) {
-        let at = self.middle(selector);
-        self.mouse("mouseMoved", at, false);
-        self.mouse("mousePressed", at, true);
-        self.mouse("mouseReleased", at, true);
     }
 
     /// Presses the left button at a position, moves by steps to another one, and releases the button.
