@@ -7,6 +7,8 @@ mod colmap_folder;
 mod decoders;
 #[path = "corrupt_files/range.rs"]
 mod range;
+#[path = "corrupt_files/viewers.rs"]
+mod viewers;
 
 use std::fs;
 use std::path::Path;
@@ -261,7 +263,7 @@ fn models() {
         ("property float nx", "property list uchar float nx", "lists are not supported"),
         ("property float x", "property quad x", "the type 'quad' of 'x' is unknown"),
         ("property float y", "property float x", "'x' occurs twice"),
-        ("property float nx", "property uint packed_position", "compressed layout"),
+        ("property float nx", "property uint packed_position", "there is no element 'chunk'"),
         ("format binary_little_endian", "format binary_middle_endian", "'binary_middle_endian' is unknown"),
         ("format binary_little_endian 1.0\n", "", "it names no format"),
         ("offset 500000", "offset north", "comment at byte"),

@@ -22,6 +22,11 @@ pub(crate) fn described(file: &Path, bytes: u64, begin: &[u8]) -> Option<String>
     Some(format!("this is {what}: {remedy}"))
 }
 
+/// Whether a text that is sent in place of files begins so.
+pub(crate) fn is_text(begin: &[u8]) -> bool {
+    text(begin).is_some()
+}
+
 /// Describes a camera raw file. Decoders would return the small preview at its beginning.
 pub(crate) fn described_raw(file: &Path) -> Option<String> {
     let raw = RAW.contains(&extension(file).as_str());

@@ -317,10 +317,14 @@ fn a_picture_beyond_the_memory_ends_no_process() {
 fn a_model_of_another_format_is_told_as_what_it_is() {
     let root = tempfile::tempdir().expect("a temporary folder");
     for (name, bytes, words) in [
-        ("x.spz", &b"\x1f\x8b\x08\0"[..], ["format SPZ", "convert it to a PLY"]),
-        ("y.spz", b"NGSP\x04\0\0\0", ["format SPZ", "convert it to a PLY"]),
-        ("x.sog", b"PK\x03\x04", ["format SOG", "convert it to a PLY"]),
-        ("x.splat", &[7; 64], ["format SPLAT", "convert it to a PLY"]),
+        ("x.spz", &b"\x1f\x8b\x08\0"[..], ["gzip stream at byte 0", "export the file again"]),
+        ("y.spz", b"NGSP\x04\0\0\0", ["header at byte 8", "export the file again"]),
+        ("x.sog", b"PK\x03\x04", ["zip archive at byte 0", "export the file again"]),
+        ("x.splat", &[7; 65], ["length at byte 64", "export the file again"]),
+        ("x.glb", b"glTF\x01\0\0\0", ["magic at byte 0", "convert the file"]),
+        ("x.ksplat", &[7; 64], ["format KSPLAT", "convert it to a PLY"]),
+        ("y.zip", b"PK\x03\x04", ["a ZIP archive", "unpack it"]),
+        ("lfs.splat", b"version https://git-lfs.github.com/spec/v1\n", ["Git LFS", "git lfs pull"]),
         ("lfs.ply", b"version https://git-lfs.github.com/spec/v1\n", ["Git LFS", "git lfs pull"]),
         ("page.ply", b"\n<!doctype HTML>\n<p>gone", ["web page", "download"]),
         ("empty.ply", b"", ["empty", "again"]),

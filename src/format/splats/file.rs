@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::{EncodeError, gltf, placement, sog, splat, spz};
 use crate::format::ply::{self, Content, Model};
-use crate::format::{Error, LeftOut, atomic, source};
+use crate::format::{Error, LeftOut, atomic, foreign, source};
 
 /// A format of files with splats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,21 +74,22 @@ impl Format {
         atomic::write(file, |out| out.write_all(&bytes))
     }
 
-    /// The format of a file by its first bytes and its name; PLY where they say nothing.
+    /// The format of a file by its first bytes, else by its name; PLY where they say nothing, or where a file is known
+    /// to be no model: the reader of PLY files says what they are.
     fn of_content(file: &Path) -> Result<Self, Error> {
         let (mut opened, bytes) = source::open(file)?;
         let mut begin = Vec::new();
-        opened.by_ref().take(4).read_to_end(&mut begin).map_err(Error::io(file, "read"))?;
+        opened.by_ref().take(foreign::LOOKED_AT as u64).read_to_end(&mut begin).map_err(Error::io(file, "read"))?;
         let named = Self::of_name(file);
         let spz = Self::Spz(spz::Version::default());
-        Ok(match begin.as_slice() {
-            [b'p', b'l', b'y', ..] => Self::Ply,
-            [b'N', b'G', b'S', b'P'] => spz,
-            [0x1f, 0x8b, ..] if named == Some(spz) => spz,
-            [b'P', b'K', ..] if named == Some(Self::Sog) => Self::Sog,
-            [b'g', b'l', b'T', b'F'] => Self::Glb,
-            // Without a first word of its own the format is in the name alone, and any text could have the name.
-            _ if named == Some(Self::Splat) && bytes.is_multiple_of(splat::BYTES as u64) => Self::Splat,
+        Ok(match (begin.as_slice(), named) {
+            ([b'p', b'l', b'y', ..], _) => Self::Ply,
+            ([b'N', b'G', b'S', b'P', ..], _) => spz,
+            ([b'g', b'l', b'T', b'F', ..], _) => Self::Glb,
+            ([0x1f, 0x8b, ..], Some(Self::Spz(_))) | ([b'P', b'K', ..], Some(Self::Sog)) => named.unwrap_or(spz),
+            // Such a file begins with numbers, which could be anything but text.
+            (begin, Some(Self::Splat)) if !foreign::is_text(begin) => Self::Splat,
+            (begin, Some(named)) if foreign::described(file, bytes, begin).is_none() => named,
             _ => Self::Ply,
         })
     }

@@ -16,6 +16,9 @@ use crate::scene::Gaussians;
 const AXES: u32 = 0xadbe_0003;
 const RIGHT_UP_BACK: u32 = 4;
 
+/// Most bytes of other programs' data after the splats that are looked at.
+const MOST_EXTENSIONS: u64 = 1 << 24;
+
 /// The fields of a header.
 struct Header {
     version: u32,
@@ -122,6 +125,9 @@ fn of_gzip(file: &Path, bytes: &[u8]) -> Result<(Header, [Vec<u8>; 6]), Error> {
     for (part, size) in parts.iter_mut().zip(header.sizes()) {
         *part = exactly(&mut decoder, size).map_err(wrong)?;
     }
+    // Data of other programs may follow. The end of the stream has a checksum of all of it.
+    let rest = std::io::copy(&mut decoder.take(MOST_EXTENSIONS), &mut std::io::sink());
+    rest.map_err(|e| damaged(file, "gzip stream", At::Byte(0), e))?;
     Ok((header, parts))
 }
 
