@@ -11,6 +11,8 @@ mod common;
 mod compare;
 #[path = "commands/drivers.rs"]
 mod drivers;
+#[path = "commands/exporting.rs"]
+mod exporting;
 #[path = "commands/faults.rs"]
 mod faults;
 #[path = "commands/fronts.rs"]

@@ -11,7 +11,7 @@ use psrgs_vk::scene::{Gaussians, SH_GROUP_FLOATS};
 
 use super::splats as random_splats;
 
-const ALL: [Format; 6] =
+pub(crate) const ALL: [Format; 6] =
     [Format::Ply, Format::CompressedPly, Format::Spz(Version::Four), Format::Sog, Format::Splat, Format::Glb];
 
 /// A model of random splats.
@@ -20,24 +20,24 @@ fn model(n: usize, sh_degree: u32) -> Model {
 }
 
 /// The value of a plane's row farthest from that of the other model, by a distance of values.
-fn farthest(a: &[f32], b: &[f32], distance: impl Fn(f64, f64) -> f64) -> f64 {
+pub(crate) fn farthest(a: &[f32], b: &[f32], distance: impl Fn(f64, f64) -> f64) -> f64 {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).map(|(a, b)| distance(f64::from(*a), f64::from(*b))).fold(0.0, f64::max)
 }
 
-fn opacity(logit: f64) -> f64 {
+pub(crate) fn opacity(logit: f64) -> f64 {
     1.0 / (1.0 + (-logit).exp())
 }
 
 /// Largest angle between the rotations of two models, in radians.
-fn angle(a: &Gaussians, b: &Gaussians) -> f64 {
+pub(crate) fn angle(a: &Gaussians, b: &Gaussians) -> f64 {
     let dot = |(a, b): (&[f32], &[f32])| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();
     let pairs = a.quats.chunks_exact(4).zip(b.quats.chunks_exact(4));
     pairs.map(|pair| 2.0 * dot(pair).abs().min(1.0).acos()).fold(0.0, f64::max)
 }
 
 /// The constant coefficients.
-fn colours(g: &Gaussians) -> Vec<f32> {
+pub(crate) fn colours(g: &Gaussians) -> Vec<f32> {
     g.sh[0].chunks_exact(SH_GROUP_FLOATS).flat_map(|row| &row[..3]).copied().collect()
 }
 
@@ -63,14 +63,14 @@ fn sog_comes_back_within_its_steps() {
 }
 
 /// The coefficients beyond the constant one, up to a degree.
-fn rest(g: &Gaussians, degree: u32) -> Vec<f32> {
+pub(crate) fn rest(g: &Gaussians, degree: u32) -> Vec<f32> {
     let last = (degree as usize + 1).pow(2);
     let of = |i: usize, k: usize| &g.sh[k / 4][SH_GROUP_FLOATS * i + 3 * (k % 4)..][..3];
     (0..g.len()).flat_map(|i| (1..last).flat_map(move |k| of(i, k))).copied().collect()
 }
 
 /// The model with its harmonics beyond a degree set to zero, and all within -1 to 1.
-fn with_degree(n: usize, degree: u32) -> Model {
+pub(crate) fn with_degree(n: usize, degree: u32) -> Model {
     let mut written = model(n, degree);
     let last = (degree as usize + 1).pow(2);
     for (group, plane) in written.gaussians.sh.iter_mut().enumerate() {

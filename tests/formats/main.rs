@@ -2,10 +2,13 @@
 
 mod checkpoints;
 mod clouds;
+#[path = "../common/mod.rs"]
+mod common;
 mod compact;
 mod meshes;
 mod models;
 mod pictures;
+mod readers;
 mod similarities;
 
 use std::fs;
