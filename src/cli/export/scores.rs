@@ -81,8 +81,9 @@ pub(super) fn dataset(args: &Args, folder: &Path) -> anyhow::Result<Dataset> {
     let options = prepare::load_options(&photographs, args.background.rgb);
     let options = LoadOptions { host_memory: args.host.host_memory.map(|bytes| bytes.0), ..options };
     let dataset = Dataset::load(folder, &options)?;
-    let out = if args.format == Some(super::Kind::All) { Some(args.out.as_path()) } else { args.out.parent() };
-    out.map(|out| output_guard::check(out, &dataset)).transpose()?;
+    if args.format == Some(super::Kind::All) {
+        output_guard::check(&args.out, &dataset)?;
+    }
     Ok(dataset)
 }
 
