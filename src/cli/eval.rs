@@ -39,7 +39,7 @@ Examples:
   psrgs-vk eval splat.ply fox --frame dataparser_transforms.json --downscale 2 --rounding down
   psrgs-vk eval fox-model/point_cloud.ply fox --out scored      pictures and report.html")]
 pub(crate) struct Args {
-    /// Model, a PLY file in the INRIA layout, of this or another trainer
+    /// Model of this or another trainer: PLY, compressed PLY, SPZ, SOG, .splat or GLB
     pub(crate) model: PathBuf,
     /// Dataset
     pub(crate) data: PathBuf,

@@ -24,7 +24,7 @@ Examples:
   psrgs-vk render fox-model/point_cloud.ply --cameras fox --views test --depth --out pictures
   psrgs-vk render fox-model/point_cloud.ply --cameras fox --part low --out low")]
 pub(crate) struct Args {
-    /// Model, a PLY file in the INRIA layout
+    /// Model: PLY, compressed PLY, SPZ, SOG, .splat or GLB
     pub(crate) model: PathBuf,
     /// Dataset whose cameras are used; its photographs are not needed
     #[arg(long, value_name = "DATA")]

@@ -73,8 +73,9 @@ group! {
         /// full (the photographs' size, 30000 steps) [default: quick on a CPU, else standard]
         #[arg(value_name = "NAME", help_heading = MOST_USED, display_order = 4)]
         pub preset: Preset,
-        /// Begin with the splats of this PLY file in place of the dataset's points
-        #[arg(value_name = "FILE.ply")]
+        /// Begin with the splats of this file (PLY, SPZ, SOG, .splat or GLB), or the points of this PLY file, in place of
+        /// the dataset's points
+        #[arg(value_name = "FILE")]
         pub init: PathBuf,
     }
     constants {

@@ -5,4 +5,5 @@ pub mod documents;
 pub mod folders;
 pub mod pictures;
 pub mod runs;
+pub mod splats;
 pub mod weights;

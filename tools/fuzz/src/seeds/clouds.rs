@@ -29,13 +29,14 @@ pub fn ply() -> Vec<Vec<u8>> {
     let cloud = ply::Cloud {
         positions: positions(6).collect(),
         normals: vec![[0.0, 0.0, 1.0]; 6],
-        colors: vec![[200, 100, 50]; 6],
+        colours: vec![[200, 100, 50]; 6],
     };
     cloud.write(&file).expect("a cloud");
     seeds.push(read());
     let mesh = ply::Mesh { vertices: positions(6).collect(), triangles: vec![[0, 1, 2], [3, 4, 5]] };
     mesh.write(&file).expect("a mesh");
     seeds.push(read());
+    seeds.push(ply::encode_compressed(&super::splats::model(3, 1), 3).expect("a model"));
     let text = "ply\nformat ascii 1.0\ncomment psrgs-vk offset 1 2 3\nelement before 1\nproperty list uchar int \
                 indices\n\
                 element vertex 3\nproperty float x\nproperty float y\nproperty double z\nproperty uchar red\n\
