@@ -73,8 +73,7 @@ group! {
         /// full (the photographs' size, 30000 steps) [default: quick on a CPU, else standard]
         #[arg(value_name = "NAME", help_heading = MOST_USED, display_order = 4)]
         pub preset: Preset,
-        /// Begin with the splats of this file (PLY, SPZ, SOG, .splat or GLB), or the points of this PLY file, in place of
-        /// the dataset's points
+        /// Begin with a model (PLY, SPZ, SOG, .splat, GLB) or cloud (PLY)
         #[arg(value_name = "FILE")]
         pub init: PathBuf,
     }

@@ -69,7 +69,7 @@ pub(crate) struct Args {
     /// Print the settings that would hold, as a settings file, and stop
     #[arg(long, help_heading = "Run")]
     pub(crate) print_settings: bool,
-    /// Show the training on a page in the browser, at this address; the page stays after the training until Ctrl-C
+    /// Show the training on a page in the browser, and then until Ctrl-C
     #[arg(
         long, value_name = "ADDR", num_args = 0..=1, default_missing_value = live_page::ADDRESS, help_heading = MOST_USED,
         display_order = 3

@@ -30,6 +30,7 @@ pub fn ply() -> Vec<Vec<u8>> {
         positions: positions(6).collect(),
         normals: vec![[0.0, 0.0, 1.0]; 6],
         colours: vec![[200, 100, 50]; 6],
+        unknown: Vec::new(),
     };
     cloud.write(&file).expect("a cloud");
     seeds.push(read());

@@ -28,7 +28,7 @@ pub fn settings() -> Vec<Vec<u8>> {
 
 /// `frame.json`, transforms, exposures, metrics and the parameters of a world. The first byte chooses.
 pub fn beside_models() -> Vec<Vec<u8>> {
-    let frame = FrameFile::new(Frame { offset: [5e5, 4.6e6, 100.0], scale: 0.25 });
+    let frame = FrameFile::new(Frame { offset: [5e5, 4.6e6, 100.0], scale: 0.25 }, None);
     let rows = json!([[0.0, -2.0, 0.0, 5.0], [2.0, 0.0, 0.0, -1.0], [0.0, 0.0, 2.0, 0.5], [0.0, 0.0, 0.0, 1.0]]);
     let score = json!({"name": "a.png", "psnr": 20.5, "ssim": 0.75, "gmsd": null});
     let metrics = json!({
