@@ -1,6 +1,7 @@
 //! `psrgs-vk export`: a model in the format of a viewer, and what the format costs.
 
 mod options;
+mod page;
 mod scores;
 
 use std::path::{Path, PathBuf};
@@ -24,10 +25,11 @@ use super::model_frame::{FrameArgs, ModelFrame};
 use options::{Crop, Kind, Up, opacity};
 use scores::{Row, Scorer};
 
-/// Write a model in the format of a viewer: compressed PLY, SPZ, SOG, .splat or glTF
+/// Write a model in the format of a viewer: an HTML page, compressed PLY, SPZ, SOG, .splat or glTF
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
+  psrgs-vk export fox-model/point_cloud.ply --cameras fox --out fox.html     one file that any browser shows
   psrgs-vk export fox-model/point_cloud.ply --out fox.sog
   psrgs-vk export fox-model/point_cloud.ply --out fox.spz --sh-degree 1 --max-splats 200000
   psrgs-vk export flight.ply --out flight.glb --center --up z
@@ -63,7 +65,8 @@ pub(crate) struct Args {
     /// Version of SPZ files: 2, 3 or 4
     #[arg(long, value_name = "V", default_value_t = 4, value_parser = clap::value_parser!(u32).range(2..=4))]
     pub(crate) spz_version: u32,
-    /// Dataset: read the file again, and tell what held-out photographs lose by the export
+    /// Dataset: read the file again, and tell what held-out photographs lose by the export; for an HTML file, where to
+    /// look from
     #[arg(long, value_name = "DATA")]
     pub(crate) cameras: Option<PathBuf>,
     /// Write sizes, times and losses as JSON
@@ -89,6 +92,9 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
+    if page::wanted(args) {
+        return page::run(args, console);
+    }
     let files = files(args)?;
     args.json.as_deref().map(atomic::check).transpose()?;
     let model = ModelFile::read(&args.model, false, &args.frame, args.strict, console)?;
@@ -137,22 +143,25 @@ fn files(args: &Args) -> Result<Vec<(Format, PathBuf)>, Failure> {
         None => {
             let format = Format::of_name(&args.out).ok_or_else(|| {
                 Failure::Usage(format!(
-                    "--out {}: the ending names no format; end the name with .ply, .compressed.ply, .spz, .sog, .splat \
-                     or .glb, or name the format with --format",
+                    "--out {}: the ending names no format; end the name with .ply, .compressed.ply, .spz, .sog, .splat, \
+                     .glb or .html, or name the format with --format",
                     args.out.display()
                 ))
             })?;
             vec![(with_version(format), args.out.clone())]
         }
     };
-    let same = |file: &Path| file.canonicalize().is_ok_and(|file| args.model.canonicalize().is_ok_and(|m| m == file));
-    match files.iter().find(|(_, file)| same(file)) {
-        Some((_, file)) => {
-            let text = format!("--out {}: that is the model itself; choose another name", file.display());
-            Err(Failure::Usage(text))
-        }
-        None => Ok(files),
+    files.iter().try_for_each(|(_, file)| not_the_model(args, file))?;
+    Ok(files)
+}
+
+/// Refuses to write over the model.
+fn not_the_model(args: &Args, file: &Path) -> Result<(), Failure> {
+    if file.canonicalize().is_ok_and(|file| args.model.canonicalize().is_ok_and(|model| model == file)) {
+        let text = format!("--out {}: that is the model itself; choose another name", file.display());
+        return Err(Failure::Usage(text));
     }
+    Ok(())
 }
 
 /// Fails where a file could not be written, before long work.

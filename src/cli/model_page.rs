@@ -1,6 +1,8 @@
 //! A model within a report, to look around in.
 
 use psrgs_vk::dataset::Dataset;
+#[cfg(feature = "html-viewer")]
+use psrgs_vk::dataset::Role;
 use psrgs_vk::eval::Interactive;
 #[cfg(feature = "html-viewer")]
 use psrgs_vk::scene::Camera;
@@ -65,6 +67,6 @@ pub(crate) const NO_VIEWER: &str = "this psrgs-vk was built without its feature 
 /// Names and cameras of a dataset's photographs, in the scene.
 #[cfg(feature = "html-viewer")]
 pub(crate) fn cameras(dataset: &Dataset) -> Vec<(String, Camera)> {
-    let views = dataset.views.iter().enumerate();
+    let views = dataset.views.iter().enumerate().filter(|(_, view)| view.role != Role::Unused);
     views.filter_map(|(k, view)| Some((view.name.clone(), dataset.scene_camera(k)?))).collect()
 }

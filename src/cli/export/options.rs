@@ -20,7 +20,9 @@ pub(crate) enum Kind {
     Splat,
     /// glTF with KHR_gaussian_splatting
     Glb,
-    /// Every format, into a folder
+    /// HTML file with a viewer, which a browser opens without a network
+    Html,
+    /// Every format but HTML, into a folder
     All,
 }
 
@@ -29,7 +31,7 @@ impl Kind {
     pub(crate) const FORMATS: [Format; 6] =
         [Format::Ply, Format::CompressedPly, Format::Spz(Version::Four), Format::Sog, Format::Splat, Format::Glb];
 
-    /// The format; nothing for all.
+    /// The format; nothing for all, and for the HTML file.
     pub(crate) fn format(self) -> Option<Format> {
         Some(match self {
             Self::Ply => Format::Ply,
@@ -38,7 +40,7 @@ impl Kind {
             Self::Sog => Format::Sog,
             Self::Splat => Format::Splat,
             Self::Glb => Format::Glb,
-            Self::All => return None,
+            Self::Html | Self::All => return None,
         })
     }
 }
