@@ -276,13 +276,15 @@ fn export_writes_an_html_file_with_the_cameras_of_a_dataset() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (file, out) = (folder.path().join("model.ply"), folder.path().join("seen.html"));
     ply::save(&file, &model(), &Frame::IDENTITY, false).expect("saved");
-    write_cameras(folder.path(), &cameras("photograph"));
+    let data = folder.path().join("data");
+    std::fs::create_dir(&data).expect("a folder");
+    write_cameras(&data, &cameras("photograph"));
     let export = |more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_psrgs-vk"));
         let output = command.arg("export").arg(&file).arg("--out").arg(&out).args(more).output().expect("the program");
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     };
-    let data = folder.path().display().to_string();
+    let data = data.display().to_string();
     let (code, text) = export(&["--cameras", &data, "--sh-degree", "0", "--background", "#ff0000"]);
     assert!(code == Some(0) && text.contains("900 splats") && text.contains("without a network"), "{text}");
     let page = std::fs::read_to_string(&out).expect("a page");
