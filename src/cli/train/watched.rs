@@ -1,6 +1,7 @@
 //! A training on a page in the browser.
 
 use std::collections::VecDeque;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -153,7 +154,7 @@ impl Watched {
                 return Ok(Wish::Stop);
             }
             let (step, file) = trainer.save_checkpoint()?;
-            self.board.tell(|status| status.note = format!("Saved step {step}: {}", file.display()));
+            self.board.tell(|status| status.note = saved(step, &file));
         }
         Ok(Wish::GoOn)
     }
@@ -184,7 +185,7 @@ impl Watched {
                 self.board.add("psnr", *step, quality.psnr);
             }
             Message::Checkpoint { step, path } => {
-                self.board.tell(|status| status.note = format!("Saved step {step}: {}", path.display()));
+                self.board.tell(|status| status.note = saved(*step, path));
             }
             Message::Warning(text) => self.board.tell(|status| status.note.clone_from(text)),
             Message::Finished { step, splats, seconds } => self.report(*step, *splats, *seconds),
@@ -211,6 +212,11 @@ impl Watched {
             status.left = (steps > 0.0).then(|| to_go * (seconds - before.1) / steps);
         });
     }
+}
+
+/// Says that a checkpoint is written. The page need not know the folder.
+fn saved(step: u32, file: &Path) -> String {
+    format!("Saved step {step}: {}", file.file_name().unwrap_or(file.as_os_str()).to_string_lossy())
 }
 
 /// A model in training.
