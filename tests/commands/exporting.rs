@@ -68,7 +68,7 @@ fn a_turned_and_centred_model_is_scored_as_it_was() {
 }
 
 #[test]
-fn exported_splats_are_those_asked_for_and_a_training_begins_at_them() {
+fn exported_splats_are_those_asked_for_and_begin_a_training() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (model, file) = (shared.model(), folder.path().join("few.spz"));
