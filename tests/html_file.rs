@@ -44,8 +44,8 @@ fn model() -> Gaussians {
         let high = if row % 3 == 0 { random.range(0.0, 1.2) } else { 0.0 };
         let place = along(2.0 * random.symmetric(), 2.0 * random.symmetric(), high);
         model.opacities[row] = random.range(-1.0, 4.0) as f32;
-        for k in 0..3 {
-            model.means[3 * row + k] = place[k] as f32;
+        for (k, coordinate) in place.into_iter().enumerate() {
+            model.means[3 * row + k] = coordinate as f32;
             model.scales[3 * row + k] = random.range(-3.6, -1.6) as f32;
             let colour = random.range(0.05, 0.95);
             model.sh[0][12 * row + k] = ((colour - 0.5) / SH_C0) as f32;

@@ -9,6 +9,7 @@ use psrgs_vk::scene::Camera;
 use psrgs_vk::scene::Gaussians;
 
 /// A model in the scene's coordinates, and how a report shows it.
+#[cfg_attr(not(feature = "html-viewer"), allow(dead_code, reason = "without a viewer no report shows a model"))]
 pub(crate) struct InReport<'a> {
     pub(crate) title: &'a str,
     pub(crate) gaussians: &'a Gaussians,
@@ -18,10 +19,18 @@ pub(crate) struct InReport<'a> {
 }
 
 /// The remedy where a report has no model.
+#[cfg(feature = "html-viewer")]
 const EXPORT: &str = "psrgs-vk export writes an HTML file of any size.";
 
 impl InReport<'_> {
+    /// No model.
+    #[cfg(not(feature = "html-viewer"))]
+    pub(crate) fn interactive(&self) -> Interactive {
+        Interactive::absent(format!("The model is not here to look around in: {NO_VIEWER}."))
+    }
+
     /// The model without higher spherical harmonics, which would take most of its size.
+    #[cfg(feature = "html-viewer")]
     pub(crate) fn interactive(&self) -> Interactive {
         let splats = self.gaussians.len();
         if splats == 0 {
@@ -52,11 +61,6 @@ impl InReport<'_> {
             antialias: self.antialias,
         };
         shown.html().map_err(|error| error.to_string())
-    }
-
-    #[cfg(not(feature = "html-viewer"))]
-    fn page(&self) -> Result<String, String> {
-        Err(NO_VIEWER.into())
     }
 }
 
