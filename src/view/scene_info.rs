@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
-use crate::scene::{Camera, Frame};
+use crate::scene::{Camera, Frame, up_of};
 
 /// A scene for a page.
 #[derive(Clone, Debug)]
@@ -100,24 +100,11 @@ impl SceneInfo {
         self
     }
 
-    /// Takes photographs, and from their cameras the direction up: against the mean of their columns.
+    /// Takes photographs, and from their cameras the direction up.
     #[must_use]
     pub fn with_shots(mut self, shots: Vec<Shot>) -> Self {
-        let mut up = [0.0; 3];
-        for shot in &shots {
-            (0..3).for_each(|k| up[k] -= shot.camera.rotation[1][k]);
-        }
-        let mut forward = [0.0; 3];
-        for shot in &shots {
-            (0..3).for_each(|k| forward[k] += shot.camera.rotation[2][k]);
-        }
-        let length = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-        // Cameras that look straight down have their columns in all directions: what they look away from is up.
-        let n = shots.len().max(1) as f64;
-        let best = if length(&up) >= 0.5 * n { up } else { forward.map(|v| -v) };
-        if length(&best) > 0.1 * n {
-            self.up = best.map(|v| v / length(&best));
-        }
+        let cameras: Vec<Camera> = shots.iter().map(|shot| shot.camera).collect();
+        self.up = up_of(&cameras).unwrap_or(self.up);
         self.shots = shots;
         self
     }
@@ -156,24 +143,6 @@ fn shot(shot: &Shot) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn looking(rotation: [[f64; 3]; 3]) -> Shot {
-        let camera =
-            Camera { rotation, translation: [0.0; 3], fx: 10.0, fy: 10.0, cx: 5.0, cy: 5.0, width: 10, height: 10 };
-        Shot { name: "a".to_owned(), camera, held_out: false, photograph: None }
-    }
-
-    #[test]
-    fn up_is_against_columns_or_against_the_view_from_above() {
-        let level = looking([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]);
-        let scene = SceneInfo::new("level", Frame::IDENTITY).with_shots(vec![level.clone(), level]);
-        assert_eq!(scene.up, [0.0, 0.0, 1.0]);
-        // Straight down, with the top of the picture to the north and to the south.
-        let north = looking([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]);
-        let south = looking([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]);
-        let scene = SceneInfo::new("down", Frame::IDENTITY).with_shots(vec![north, south]);
-        assert_eq!(scene.up, [0.0, 0.0, 1.0]);
-    }
 
     #[test]
     fn the_middle_ignores_what_is_far_away() {
