@@ -73,7 +73,12 @@ if (look) {
   const open = look.querySelector(".open");
   const hint = document.querySelector(".look-hint");
   const first = document.querySelector('.panel[data-kind="render"] img');
-  if (first) look.style.backgroundImage = `linear-gradient(rgb(0 0 0 / .35), rgb(0 0 0 / .35)), url("${first.src}")`;
+  const backdrop = new Image();
+  backdrop.className = "backdrop";
+  backdrop.alt = "";
+  if (first) backdrop.src = first.src;
+  const closed = first ? [backdrop, open] : [open];
+  look.replaceChildren(...closed);
   const unpacked = () => {
     const packed = atob(document.getElementById("model-page").textContent);
     const bytes = new Uint8Array(packed.length);
@@ -100,7 +105,7 @@ if (look) {
   hint.querySelector(".close").addEventListener("click", () => {
     hint.hidden = true;
     open.disabled = false;
-    look.replaceChildren(open);
+    look.replaceChildren(...closed);
     open.focus();
   });
   look.hidden = false;
