@@ -17,9 +17,10 @@ use crate::cli::console::Console;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::live_page;
 
-/// Share of time that drawing may take from the training. With the encoding of pictures, which takes a processor's time as well, viewing
-/// stays below 13 %.
-const SHARE: f64 = 0.115;
+/// Share of time that drawing may take from the training. Where the device is a processor, waits, the encoding of pictures and the browser
+/// take its time as well; with them viewing stays
+/// below 13 %.
+const SHARE: f64 = 0.09;
 
 /// Pictures a second while somebody moves: beside a training, and of a training that rests or is done.
 const RATES: [f64; 2] = [5.0, 15.0];
