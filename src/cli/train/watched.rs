@@ -17,9 +17,8 @@ use crate::cli::console::Console;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::live_page;
 
-/// Share of time that drawing may take from the training. Where the device is a processor, waits, the encoding of pictures and the browser
-/// take its time as well; with them viewing stays
-/// below 13 %.
+/// Share of time that drawing may take from the training. Where the device is a processor, waits, the encoding of pictures
+/// and the browser take its time as well; with them viewing stays at about 13 %.
 const SHARE: f64 = 0.09;
 
 /// Pictures a second while somebody moves: beside a training, and of a training that rests or is done.
@@ -113,7 +112,7 @@ impl Watched {
             self.looked = Some(Instant::now());
         }
         let looks = self.looked.is_some_and(|at| at.elapsed() < LOOKING);
-        trainer.run_ahead_at_most(looks.then_some(1));
+        trainer.run_ahead_at_most(looks.then_some(2));
         let mut rest: Option<Instant> = None;
         let wish = loop {
             if self.commanded(trainer)? == Wish::Stop {
