@@ -71,6 +71,7 @@ pub mod compare;
 pub mod dataset;
 pub mod eval;
 pub mod format;
+pub mod geodesy;
 mod host_memory;
 pub mod loss;
 pub mod numbers;

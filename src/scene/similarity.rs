@@ -72,6 +72,15 @@ impl Similarity {
         Self { scale: frame.scale, translation, ..Self::IDENTITY }
     }
 
+    /// The 4x4 matrix, row by row.
+    pub fn rows(&self) -> [[f64; 4]; 4] {
+        let row = |i: usize| {
+            let [x, y, z] = self.rotation[i].map(|v| v * self.scale);
+            [x, y, z, self.translation[i]]
+        };
+        [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+    }
+
     /// A point in the target.
     pub fn point(&self, p: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|i| self.scale * dot(&self.rotation[i], &p) + self.translation[i])
