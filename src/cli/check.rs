@@ -5,9 +5,11 @@ mod training;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use psrgs_vk::dataset::georeference::FitReport;
 use psrgs_vk::dataset::{self, Dataset, Decoding, Format, HostShare, PoseFault, Role, Supply, Warning};
+use psrgs_vk::geodesy::KnownFrom;
 use psrgs_vk::numbers::{counted, fraction, grouped, percent};
-use psrgs_vk::scene::Coordinates;
+use psrgs_vk::scene::{Coordinates, MapFrame};
 use psrgs_vk::train::settings::{
     BlendingVariants, DeviceChoice, HostChoice, LidarCloud, Method, Photographs, Preset, SteppingVariants, StepsByNeed,
 };
@@ -16,6 +18,7 @@ use psrgs_vk::train::{self, Settings, prepare};
 use super::asked::{as_options, named};
 use super::console::{self, Console};
 use super::exit::Failure;
+use super::geo_args::{self, GeoArgs};
 use super::presets;
 use super::train::METHOD;
 use training::Training;
@@ -27,6 +30,7 @@ Examples:
   psrgs-vk check fox
   psrgs-vk check fox --preset standard --host-memory 4GiB
   psrgs-vk check fox --max-side 640 --json
+  psrgs-vk check flight --gcp gcp_list.txt --crs EPSG:25832      where on a map, and how well the points fit
 
 Points count as in view where they fall inside the picture, hidden by something or not. The overlap of a view is the \
 share of its points that another one has in view too, the one with the most of them. Memory and time are those of \
@@ -61,6 +65,8 @@ pub(crate) struct Args {
     pub(crate) blending: BlendingVariants,
     #[command(flatten)]
     pub(crate) stepping: SteppingVariants,
+    #[command(flatten)]
+    pub(crate) geo: GeoArgs,
 }
 
 /// What `--json` prints.
@@ -80,6 +86,12 @@ struct Report {
     center: [f64; 3],
     /// Where on Earth the coordinates lie.
     coordinates: Option<Coordinates>,
+    /// The way to a map, about the middle of the training cameras.
+    map: Option<MapFrame>,
+    /// What the fit to positions or control points left.
+    fit: Option<FitReport>,
+    #[serde(skip)]
+    map_rows: Vec<(&'static str, String)>,
     masks: Option<usize>,
     /// Remarks on the masks that are no problems.
     mask_notes: Vec<String>,
@@ -134,6 +146,7 @@ pub(crate) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
     };
     let steps = settings.choose_steps(dataset.views_of(Role::Train).count(), presets::kind(&settings)?);
     let mut found = Report { steps, ..found(&dataset, &settings, decoded) };
+    found.put_on_map(&args.geo, &dataset)?;
     if missing.is_none() {
         match training::plan(&dataset, &settings, &mut found.problems, console) {
             Ok(training) => found.training = training,
@@ -232,6 +245,22 @@ fn wrong_poses(
     Ok(wrong.into_iter().filter_map(told).collect())
 }
 
+impl Report {
+    /// Adds the place on a map. Wrong control points are problems; wrong positions do no harm.
+    fn put_on_map(&mut self, args: &GeoArgs, dataset: &Dataset) -> Result<(), Failure> {
+        let placed = args.placed(dataset)?;
+        self.map = placed.georeference.record(dataset.frame.offset);
+        self.map_rows = geo_args::told(&placed);
+        let warnings = geo_args::warnings(&placed);
+        match placed.georeference.known_from() {
+            KnownFrom::ControlPoints => self.problems.extend(warnings),
+            _ => self.map_rows.extend(warnings.into_iter().map(|line| ("placed by", line))),
+        }
+        self.fit = placed.fit;
+        Ok(())
+    }
+}
+
 impl Args {
     fn settings(&self) -> Settings {
         let (photographs, device) = (self.photographs.clone(), self.device.clone());
@@ -276,6 +305,9 @@ fn found(dataset: &Dataset, settings: &Settings, decoded: Decoded) -> Report {
         extent: dataset.extent,
         center: dataset.frame.offset,
         coordinates: dataset.coordinates.clone(),
+        map: None,
+        fit: None,
+        map_rows: Vec::new(),
         masks: dataset.masks.as_ref().map(|masks| masks.matched),
         mask_notes: decoded.mask_notes,
         points_in_view: median(sights.iter().map(|s| s.points as f64).collect()),
@@ -325,6 +357,7 @@ fn told(found: &Report, said: usize) -> String {
     if let Some(coordinates) = &found.coordinates {
         rows.push(("coordinates", coordinates.to_string()));
     }
+    rows.extend(found.map_rows.iter().cloned());
     if let Some(masks) = found.masks {
         rows.push(("masks", format!("{} of {}", grouped(masks), grouped(found.photographs))));
         rows.extend(found.mask_notes.iter().map(|note| ("masks", note.clone())));

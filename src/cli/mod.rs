@@ -17,6 +17,7 @@ mod exit;
 mod export;
 mod exposure_args;
 mod finished;
+mod geo_args;
 mod held_out;
 mod info;
 mod interrupt;

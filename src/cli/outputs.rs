@@ -19,6 +19,7 @@ use super::console::Console;
 use super::exit::Failure;
 use super::exposure_args;
 use super::finished::Finished;
+use super::geo_args::GeoArgs;
 use super::held_out::{Compared, Comparison};
 use super::lpips::Lpips;
 use super::pictures::Pictures;
@@ -106,7 +107,9 @@ fn save_model(run: &Finished<'_>, trainer: &mut Trainer, console: &Console) -> a
     let frame = run.dataset.frame;
     let file = run.folder.file(MODEL);
     ply::save_staged(&file, &model, &frame, run.settings.model.antialias, constrained)?;
-    FrameFile::new(frame, run.dataset.coordinates.clone()).write(&run.folder.file(FRAME_FILE))?;
+    let placed = GeoArgs::default().placed(&run.dataset)?;
+    let map = placed.georeference.record(frame.offset);
+    FrameFile::new(frame, run.dataset.coordinates.clone()).with_map(map).write(&run.folder.file(FRAME_FILE))?;
     let exposures = trainer.exposures()?;
     if let Some(exposures) = &exposures {
         ExposureFile { photographs: exposures.iter().cloned().collect() }.write(&run.folder.file(EXPOSURE_FILE))?;

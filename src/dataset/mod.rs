@@ -13,6 +13,7 @@ mod error;
 mod extent;
 mod folder;
 mod foreign;
+pub mod georeference;
 mod hint;
 mod jpeg_reduced;
 mod jpeg_truncation;

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::{At, Error, atomic, read_text};
-use crate::scene::{Coordinates, Frame};
+use crate::scene::{Coordinates, Frame, MapFrame};
 
 /// Name of the file in the model's folder.
 pub const FRAME_FILE: &str = "frame.json";
@@ -21,12 +21,20 @@ pub struct FrameFile {
     /// Where on Earth the dataset's coordinates lie, if the dataset says so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coordinates: Option<Coordinates>,
+    /// The way from the dataset to a map, if one is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map: Option<MapFrame>,
 }
 
 impl FrameFile {
     /// The frame of a dataset, with the shift of its model files.
     pub fn new(frame: Frame, coordinates: Option<Coordinates>) -> Self {
-        Self { frame, shift: frame.shift(), coordinates }
+        Self { frame, shift: frame.shift(), coordinates, map: None }
+    }
+
+    /// The same with the way to a map.
+    pub fn with_map(self, map: Option<MapFrame>) -> Self {
+        Self { map, ..self }
     }
 
     /// Writes the file.

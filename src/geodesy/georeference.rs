@@ -85,6 +85,32 @@ impl Georeference {
         .map(|found| Self { known_from: KnownFrom::Dataset, ..found })
     }
 
+    /// From what `frame.json` keeps: its record, and the dataset's own coordinates.
+    pub fn of_record(record: &MapFrame, coordinates: Option<&Coordinates>) -> Result<Self, Error> {
+        let system = match record.epsg {
+            Some(code) => ReferenceSystem::epsg(code),
+            None => ReferenceSystem::parse(&record.proj),
+        }?;
+        let system = Some(system.with_heights(VerticalDatum::parse(&record.heights)));
+        let grid = coordinates.filter(|coordinates| matches!(coordinates, Coordinates::Grid { .. }));
+        let found = match (grid, &record.fitted) {
+            (Some(grid), None) => Self::of_coordinates(grid, system),
+            (grid, Some(fitted)) => {
+                let [a, b, c, _] = fitted.similarity;
+                let by = Similarity::from_rows(&[a, b, c]).map_err(|problem| Error::Nowhere(problem.to_string()))?;
+                let tangent = Tangent::at(fitted.origin);
+                match grid {
+                    Some(grid) => Self::of_coordinates(grid, None)?.moved(tangent, &by, system),
+                    None => Self::on_plane(tangent, &by, system),
+                }
+            }
+            (None, None) => Err(Error::Unplaced),
+        }?;
+        let word = |(_, word): &&(KnownFrom, &str)| *word == record.known_from;
+        let from = KnownFrom::ALL.iter().find(word).map_or(KnownFrom::Dataset, |(from, _)| *from);
+        Ok(found.known_by(from))
+    }
+
     /// By a similarity from the dataset to the plane that touches the Earth.
     pub fn on_plane(tangent: Tangent, similarity: &Similarity, system: Option<ReferenceSystem>) -> Result<Self, Error> {
         let origin = tangent.origin();
@@ -93,6 +119,25 @@ impl Georeference {
         let lift = Lift::Plane { tangent, similarity: *similarity };
         let made = Self { lift, system: Some(system), known_from: KnownFrom::Dataset, fitted };
         made.checked(similarity.inverse().point([0.0; 3]))
+    }
+
+    /// The same, moved by a similarity in a plane that touches the Earth, as control points want it. For datasets in a
+    /// grid of their own.
+    pub fn moved(self, tangent: Tangent, by: &Similarity, system: Option<ReferenceSystem>) -> Result<Self, Error> {
+        let (own, offset) = match (self.lift, self.system) {
+            (Lift::Offset(offset), Some(own)) => (Box::new(own), offset),
+            (Lift::Grid { system, offset, .. }, _) => (system, offset),
+            (Lift::Offset(_), None) | (Lift::Plane { .. }, _) => return Err(Error::Unplaced),
+        };
+        let system = system.unwrap_or_else(|| (*own).clone());
+        let fitted = Some(FittedPlane { origin: tangent.origin(), similarity: by.rows() });
+        let lift = Lift::Grid { system: own, offset, moved: Some((tangent, *by)) };
+        Self { lift, system: Some(system), known_from: self.known_from, fitted }.checked([0.0; 3])
+    }
+
+    /// The same with heights of another datum. Heights stay as they are.
+    pub fn with_heights(self, heights: VerticalDatum) -> Self {
+        Self { system: self.system.map(|system| system.with_heights(heights)), ..self }
     }
 
     /// The same with another note on what it is known from.

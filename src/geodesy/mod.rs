@@ -5,6 +5,7 @@
 
 mod earth;
 mod error;
+pub mod fit;
 mod georeference;
 mod proj_string;
 mod system;

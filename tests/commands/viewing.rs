@@ -228,7 +228,7 @@ fn the_offset_beside_a_model_holds_where_its_comments_are_gone() {
     let args = ["render", text(&file), "--cameras", text(&data), "--views", "test", "--out"];
     let out = folder.path().join("lost");
     assert!(works(&[&args[..], &[text(&out)]].concat()).contains("warning: no camera"));
-    psrgs_vk::format::FrameFile { frame, shift, coordinates: None }
+    psrgs_vk::format::FrameFile { frame, shift, coordinates: None, map: None }
         .write(&folder.path().join("frame.json"))
         .expect("written");
     let out = folder.path().join("found");
