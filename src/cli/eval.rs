@@ -11,23 +11,21 @@ use psrgs_vk::eval::geometry::{self, JudgedDepth};
 use psrgs_vk::eval::{Geometry, SeenPixels};
 use psrgs_vk::format::atomic;
 use psrgs_vk::numbers::{counted, grouped, of_count};
-use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice, HostChoice, Photographs, Scoring, Split};
+use psrgs_vk::train::settings::{DeviceChoice, HostChoice, Photographs, Scoring, Split};
 use psrgs_vk::train::{View, prepare};
 use psrgs_vk::vk::Gpu;
 
-use super::colour::Colour;
 use super::console::{self, Console};
 use super::exit::Failure;
 use super::exposure_args::{self, ExposureArgs};
 use super::held_out::{self, Compared, Comparison};
+use super::look_args::LookArgs;
 use super::lpips::Lpips;
-use super::model_file::DrawingArgs;
 use super::model_file::{Drawn, ModelFile};
-use super::model_frame::FrameArgs;
 use super::pictures::Pictures;
 use super::resize_args::SizeArgs;
 use super::run_folder::{REPORT, SETTINGS};
-use super::{device, output_guard, progress, settings_mismatch};
+use super::{output_guard, progress, settings_mismatch};
 use results::Scored;
 
 /// Score a model on the held-out photographs of a dataset
@@ -49,19 +47,11 @@ pub(crate) struct Args {
     /// Write renders, photographs, depth and normals into this folder, and a report.html
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Colour behind the splats: black, white, #rrggbb, or R,G,B with numbers from 0 to 1
-    #[arg(long, value_name = "COLOUR", default_value = "black")]
-    pub(crate) background: Colour,
     /// Judge depths also by stereo of the held-out photographs, which takes as long as stereo of a training
     #[arg(long)]
     pub(crate) judge_depths: bool,
-    /// Draw as a model trained with --antialias [default: what the model file says]
-    #[arg(long)]
-    pub(crate) antialias: bool,
     #[command(flatten)]
     pub(crate) exposure: ExposureArgs,
-    #[command(flatten)]
-    pub(crate) frame: FrameArgs,
     #[command(flatten)]
     pub(crate) photographs: Photographs,
     #[command(flatten)]
@@ -69,19 +59,15 @@ pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) scoring: Scoring,
     #[command(flatten)]
-    pub(crate) drawing: DrawingArgs,
-    #[command(flatten)]
-    pub(crate) device: DeviceChoice,
+    pub(crate) look: LookArgs,
     #[command(flatten)]
     pub(crate) host: HostChoice,
-    #[command(flatten)]
-    pub(crate) blending: BlendingVariants,
 }
 
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
     may_be_written(args)?;
     let model = model_with_splats(args, console)?;
-    let options = args.size.apply(prepare::load_options(&args.photographs, args.background.rgb));
+    let options = args.size.apply(prepare::load_options(&args.photographs, args.look.scene.background.rgb));
     let options = LoadOptions { host_memory: args.host.host_memory.map(|bytes| bytes.0), ..options };
     let mut dataset = dataset_with_held_out(args, &options)?;
     let exposures = args.exposure.read(&args.model, &dataset, console)?;
@@ -89,8 +75,8 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     tell(args, &dataset, &views, console);
     warn_of_differences(args, &options, &dataset, console);
     let mut lpips = Lpips::find(&args.scoring, console)?;
-    let gpu = device::open(&args.device, false, console)?;
-    let mut drawn = model.upload(&gpu, &args.blending, &args.drawing, &dataset.frame, &args.background)?;
+    let gpu = args.look.scene.open(console)?;
+    let mut drawn = args.look.upload(&gpu, &model, &dataset.frame)?;
     let pictures = match &args.out {
         Some(folder) => Some(Pictures::new(folder, views.iter().map(|v| v.name.as_str()), dataset.frame.scale)?),
         None => None,
@@ -163,7 +149,7 @@ fn may_be_written(args: &Args) -> anyhow::Result<()> {
 
 /// Reads the model and refuses one without splats.
 fn model_with_splats(args: &Args, console: &Console) -> anyhow::Result<ModelFile> {
-    let model = ModelFile::read(&args.model, args.antialias, &args.frame, args.photographs.strict, console)?;
+    let model = args.look.read(&args.model, args.photographs.strict, console)?;
     if model.splats() == 0 {
         let text = format!("{}: the model has no splats: there is nothing to score", args.model.display());
         return Err(Failure::Input(text).into());
@@ -210,7 +196,7 @@ fn tell(args: &Args, dataset: &Dataset, views: &[View], console: &Console) {
         counted(dataset.views.len(), "photograph"),
         of_count(views.len(), "is", "are"),
         args.photographs.split,
-        args.background
+        args.look.scene.background
     ));
     for line in dataset.deep_photographs() {
         console.say(format_args!("{line}; scores are those of 8 bits"));
@@ -238,7 +224,7 @@ fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
 fn warn_of_differences(args: &Args, options: &LoadOptions, dataset: &Dataset, console: &Console) {
     let held_out = dataset.views_of(Role::HeldOut).map(|(_, view)| view.size_on_disk.0.max(view.size_on_disk.1));
     let longest = held_out.max().filter(|_| options.sizing.is_none());
-    for line in settings_mismatch::differences(&args.model, &args.photographs, args.background.rgb, longest) {
+    for line in settings_mismatch::differences(&args.model, &args.photographs, args.look.scene.background.rgb, longest) {
         console.warn(line);
     }
 }

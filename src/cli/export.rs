@@ -15,13 +15,13 @@ use psrgs_vk::format::splats::{self, Choice, Format};
 use psrgs_vk::format::{atomic, ply};
 use psrgs_vk::numbers::{counted, fraction, grouped};
 use psrgs_vk::scene::{self, Camera};
-use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice, HostChoice};
+use psrgs_vk::train::settings::HostChoice;
 
-use super::colour::Colour;
 use super::console::{self, Console};
 use super::exit::Failure;
+use super::look_args::{SceneArgs, StrictArgs};
 use super::model_file::ModelFile;
-use super::model_frame::{FrameArgs, ModelFrame};
+use super::model_frame::ModelFrame;
 use options::{Crop, Kind, Up, opacity};
 use scores::{Row, Scorer};
 
@@ -72,23 +72,15 @@ pub(crate) struct Args {
     /// Write sizes, times and losses as JSON
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,
-    /// Colour behind the splats: black, white, #rrggbb, or R,G,B with numbers from 0 to 1
-    #[arg(long, value_name = "COLOUR", default_value = "black")]
-    pub(crate) background: Colour,
     #[command(flatten)]
-    pub(crate) frame: FrameArgs,
+    pub(crate) scene: SceneArgs,
     /// Photographs of --cameras are reduced until their longer side has at most this many pixels
     #[arg(long, value_name = "PX", default_value_t = 1600)]
     pub(crate) max_side: u32,
-    /// Refuse a file with a record that cannot be used; otherwise up to a tenth of them are left out, with a warning
-    #[arg(long)]
-    pub(crate) strict: bool,
     #[command(flatten)]
-    pub(crate) device: DeviceChoice,
+    pub(crate) files: StrictArgs,
     #[command(flatten)]
     pub(crate) host: HostChoice,
-    #[command(flatten)]
-    pub(crate) blending: BlendingVariants,
 }
 
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
@@ -97,7 +89,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     }
     let files = files(args)?;
     args.json.as_deref().map(atomic::check).transpose()?;
-    let model = ModelFile::read(&args.model, false, &args.frame, args.strict, console)?;
+    let model = ModelFile::read(&args.model, false, &args.scene.frame, args.files.strict, console)?;
     let dataset = args.cameras.as_deref().map(|folder| scores::dataset(args, folder)).transpose()?;
     let up = up(args, &model, dataset.as_ref())?;
     let chosen = chosen(args, model.model(), console)?;
@@ -113,7 +105,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
         let original = scorer.score(&model)?;
         for row in &mut rows {
             let before = Instant::now();
-            let again = splats::read_placed(&row.file, args.strict)?;
+            let again = splats::read_placed(&row.file, args.files.strict)?;
             row.seconds_read = Some(before.elapsed().as_secs_f64());
             row.lost(&original, &scorer.score(&model.with_model(again.model))?);
         }

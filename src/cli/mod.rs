@@ -22,6 +22,7 @@ mod held_out;
 mod info;
 mod interrupt;
 mod live_page;
+mod look_args;
 mod lpips;
 mod model_file;
 mod model_frame;

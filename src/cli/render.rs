@@ -5,16 +5,13 @@ use std::path::PathBuf;
 use psrgs_vk::dataset::{Dataset, LoadOptions, Role};
 use psrgs_vk::numbers::counted;
 use psrgs_vk::scene::Camera;
-use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice};
 
-use super::colour::Colour;
 use super::console::Console;
 use super::exit::Failure;
-use super::model_file::DrawingArgs;
-use super::model_file::{ModelFile, SplatSet};
-use super::model_frame::FrameArgs;
+use super::look_args::{LookArgs, StrictArgs};
+use super::model_file::SplatSet;
 use super::pictures::Pictures;
-use super::{device, output_guard, progress};
+use super::{output_guard, progress};
 
 /// Render a model from the cameras of a dataset
 #[derive(clap::Args)]
@@ -45,23 +42,10 @@ pub(crate) struct Args {
     /// those that came after (high), or all (full)
     #[arg(long, value_enum, default_value_t = SplatSet::Full)]
     pub(crate) part: SplatSet,
-    /// Colour behind the splats: black, white, #rrggbb, or R,G,B with numbers from 0 to 1
-    #[arg(long, value_name = "COLOUR", default_value = "black")]
-    pub(crate) background: Colour,
-    /// Draw as a model trained with --antialias [default: what the model file says]
-    #[arg(long)]
-    pub(crate) antialias: bool,
-    /// Refuse a file with a record that cannot be used; otherwise up to a tenth of them are left out, with a warning
-    #[arg(long)]
-    pub(crate) strict: bool,
     #[command(flatten)]
-    pub(crate) frame: FrameArgs,
+    pub(crate) files: StrictArgs,
     #[command(flatten)]
-    pub(crate) drawing: DrawingArgs,
-    #[command(flatten)]
-    pub(crate) device: DeviceChoice,
-    #[command(flatten)]
-    pub(crate) blending: BlendingVariants,
+    pub(crate) look: LookArgs,
 }
 
 /// Which cameras of a dataset are rendered.
@@ -83,9 +67,9 @@ impl Views {
 }
 
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
-    let model = ModelFile::read(&args.model, args.antialias, &args.frame, args.strict, console)?;
+    let model = args.look.read(&args.model, args.files.strict, console)?;
     let model = model.of_set(args.part, &args.model)?;
-    let (max_side, strict) = (Some(args.max_side), args.strict);
+    let (max_side, strict) = (Some(args.max_side), args.files.strict);
     let options = LoadOptions { max_side, strict, photographs: false, ..LoadOptions::default() };
     let dataset = Dataset::load(&args.cameras, &options)?;
     dataset.warnings.iter().filter(|warning| warning.is_of_files()).for_each(|warning| console.warn(warning));
@@ -102,8 +86,8 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
         return Err(Failure::Input(text).into());
     }
     let pictures = Pictures::new(&args.out, wanted.iter().map(|(name, _)| *name), dataset.frame.scale)?;
-    let gpu = device::open(&args.device, false, console)?;
-    let mut drawn = model.upload(&gpu, &args.blending, &args.drawing, &dataset.frame, &args.background)?;
+    let gpu = args.look.scene.open(console)?;
+    let mut drawn = args.look.upload(&gpu, &model, &dataset.frame)?;
     let bar = progress::counter(console, wanted.len(), "pictures");
     for (i, (_, camera)) in wanted.iter().enumerate() {
         pictures.write(i, &drawn.picture(camera, args.depth)?)?;

@@ -6,16 +6,14 @@ use std::time::{Duration, Instant};
 use psrgs_vk::dataset::{Dataset, LoadOptions, Role, View};
 use psrgs_vk::raster::{Look, Picture};
 use psrgs_vk::scene::{Camera, Frame};
-use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice};
 use psrgs_vk::view::{Address, Drawable, Pacer, SceneInfo, Shot, Source, State, answer};
 use psrgs_vk::vk::{Buffer, Gpu, Memory};
 
-use super::colour::Colour;
 use super::console::Console;
 use super::interrupt::Interrupt;
-use super::model_file::{DrawingArgs, Drawn, ModelFile};
-use super::model_frame::FrameArgs;
-use super::{device, live_page};
+use super::live_page;
+use super::look_args::{LookArgs, StrictArgs};
+use super::model_file::{Drawn, ModelFile};
 
 /// Pictures a second while somebody moves.
 const RATE: f64 = 15.0;
@@ -45,33 +43,20 @@ pub(crate) struct Args {
     /// Photographs are reduced until their longer side has at most this many pixels
     #[arg(long, value_name = "PX", default_value_t = 1600)]
     pub(crate) max_side: u32,
-    /// Colour behind the splats: black, white, #rrggbb, or R,G,B with numbers from 0 to 1
-    #[arg(long, value_name = "COLOUR", default_value = "black")]
-    pub(crate) background: Colour,
-    /// Draw as a model trained with --antialias [default: what the model file says]
-    #[arg(long)]
-    pub(crate) antialias: bool,
-    /// Refuse a file with a record that cannot be used; otherwise up to a tenth of them are left out, with a warning
-    #[arg(long)]
-    pub(crate) strict: bool,
     #[command(flatten)]
-    pub(crate) frame: FrameArgs,
+    pub(crate) files: StrictArgs,
     #[command(flatten)]
-    pub(crate) drawing: DrawingArgs,
-    #[command(flatten)]
-    pub(crate) device: DeviceChoice,
-    #[command(flatten)]
-    pub(crate) blending: BlendingVariants,
+    pub(crate) look: LookArgs,
 }
 
 pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyhow::Result<()> {
-    let model = ModelFile::read(&args.model, args.antialias, &args.frame, args.strict, console)?;
+    let model = args.look.read(&args.model, args.files.strict, console)?;
     let (frame, shots) = match &args.cameras {
         Some(data) => cameras(data, args, console)?,
         None => (Frame::IDENTITY, Vec::new()),
     };
-    let gpu = device::open(&args.device, false, console)?;
-    let drawn = model.upload(&gpu, &args.blending, &args.drawing, &frame, &args.background)?;
+    let gpu = args.look.scene.open(console)?;
+    let drawn = args.look.upload(&gpu, &model, &frame)?;
     let ids = identities(&gpu, &model)?;
     let mut scene = SceneInfo::new(&title(&args.model), frame).with_shots(shots).around(&model.in_scene(&frame).means);
     scene.parts = ids.is_some();
@@ -96,7 +81,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyh
 
 /// The frame of a dataset, and its cameras with the photographs that are there.
 fn cameras(data: &Path, args: &Args, console: &Console) -> anyhow::Result<(Frame, Vec<Shot>)> {
-    let options = LoadOptions { max_side: Some(args.max_side), strict: args.strict, ..LoadOptions::default() };
+    let options = LoadOptions { max_side: Some(args.max_side), strict: args.files.strict, ..LoadOptions::default() };
     let dataset = match Dataset::load(data, &options) {
         Ok(dataset) => dataset,
         // Cameras without photographs are worth a look.

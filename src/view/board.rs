@@ -88,6 +88,8 @@ struct Inner {
     curves: Curves,
     /// Pictures drawn.
     drawn: u64,
+    /// Time that the threads of the server have worked, not yet taken.
+    served: Duration,
 }
 
 /// Shared by the server and the owner of the model.
@@ -167,6 +169,17 @@ impl Board {
     /// Counts a picture.
     pub fn drew(&self) {
         self.lock().drawn += 1;
+    }
+
+    /// Tells that a thread of the server has worked for some time.
+    pub(super) fn served(&self, worked: Duration) {
+        self.lock().served += worked;
+    }
+
+    /// The time that the threads of the server have worked since this was last asked: encoding of pictures, decoding of
+    /// photographs, answers.
+    pub fn take_served(&self) -> Duration {
+        std::mem::take(&mut self.lock().served)
     }
 
     /// Pictures drawn so far.

@@ -81,6 +81,11 @@ impl Pacer {
         self.costs[step] = Some(before + NEW * (seconds - before));
     }
 
+    /// Tells that viewing took time of the device beside the pictures.
+    pub fn also_took(&mut self, seconds: f64) {
+        self.credit -= seconds;
+    }
+
     /// Expected seconds of a picture: in proportion to the pixels of the next smaller size that was drawn.
     fn expected(&self, step: usize) -> f64 {
         let known = (0..=step).rev().find_map(|s| self.costs.get(s).copied().flatten().map(|cost| (s, cost)));
@@ -158,5 +163,8 @@ mod tests {
         pacer.drew((320, 160), 2.0);
         let wait = pacer.wait(start).as_secs_f64();
         assert!((wait - (2.0 - 0.13) / 0.13).abs() < 1e-6, "{wait}");
+        pacer.also_took(0.5);
+        let wait = pacer.wait(start).as_secs_f64();
+        assert!((wait - (2.5 - 0.13) / 0.13).abs() < 1e-6, "{wait}");
     }
 }

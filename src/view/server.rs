@@ -4,6 +4,7 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
+use std::time::Duration;
 
 use super::Error;
 use super::board::Board;
@@ -111,6 +112,20 @@ fn accept(listener: &TcpListener, site: &Arc<Site>, ends: &AtomicBool) {
     }
 }
 
+/// Time for which this thread has worked, waits left out.
+#[cfg(unix)]
+fn worked() -> Duration {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    let seconds = u64::try_from(time.tv_sec).unwrap_or(0);
+    Duration::new(seconds, u32::try_from(time.tv_nsec).unwrap_or(0))
+}
+
+/// Where the system does not tell, work of the server counts for nothing.
+#[cfg(not(unix))]
+fn worked() -> Duration {
+    Duration::ZERO
+}
+
 fn refuse(mut connection: Connection) {
     let _ = connection.send(&Response::refusal(503, "Too many connections."), true);
 }
@@ -119,8 +134,11 @@ fn serve(mut connection: Connection, site: &Site) {
     loop {
         match connection.next() {
             Ok(request) => {
+                let before = worked();
                 let response = site.respond(&request);
-                if connection.send(&response, request.closes).is_err() || request.closes {
+                let sent = connection.send(&response, request.closes);
+                site.board.served(worked().saturating_sub(before));
+                if sent.is_err() || request.closes {
                     return;
                 }
             }
@@ -130,5 +148,53 @@ fn serve(mut connection: Connection, site: &Site) {
             }
             Err(NoRequest::Over) => return,
         }
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::io::{Read as _, Write as _};
+
+    use super::super::board::Reply;
+    use super::super::scene_info::Shot;
+    use super::*;
+    use crate::raster::Picture;
+    use crate::scene::{Camera, Frame};
+
+    #[test]
+    fn encoding_counts_as_work_and_waiting_does_not() {
+        let (width, height) = (640, 480);
+        let turn = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let camera = Camera {
+            rotation: turn,
+            translation: [0.0; 3],
+            fx: 500.0,
+            fy: 500.0,
+            cx: 320.0,
+            cy: 240.0,
+            width,
+            height,
+        };
+        let shot = Shot { name: "a".to_owned(), camera, held_out: false, photograph: None };
+        let scene = SceneInfo::new("scene", Frame::IDENTITY).with_shots(vec![shot]);
+        let server = Server::start(&"0".parse().expect("an address"), scene).expect("a server");
+        let board = server.board();
+        let (port, token) = (server.at.port(), server.site.guard.token());
+        let mut stream = TcpStream::connect(server.at).expect("a connection");
+        let head = format!("Host: localhost:{port}\r\nCookie: psrgs_{port}={token}\r\nConnection: close\r\n\r\n");
+        let request = format!("GET /frame?w=640&h=480&k=0&c=colour&s=full&m=1 HTTP/1.1\r\n{head}");
+        stream.write_all(request.as_bytes()).expect("sent");
+        let slow = Duration::from_secs(1);
+        let wanted = std::iter::repeat_with(|| board.take()).flatten().next().expect("a wish");
+        thread::sleep(slow);
+        let rgbt = (0..4 * width * height).map(|k| (k % 251) as f32 / 251.0).collect();
+        wanted.answer(Reply::Frame(Picture { width, height, rgbt, aux: None }));
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).expect("an answer");
+        assert!(answer.starts_with(b"HTTP/1.1 200"), "{}", String::from_utf8_lossy(&answer[..200.min(answer.len())]));
+        // The thread tells of its work after it has sent the answer.
+        let worked = std::iter::repeat_with(|| board.take_served()).find(|t| !t.is_zero()).expect("some time");
+        assert!(worked < slow, "{worked:?}");
+        assert_eq!(board.take_served(), Duration::ZERO);
     }
 }

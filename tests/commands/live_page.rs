@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::common::browser::{Browser, chromium};
 use crate::common::skipped;
-use crate::run::{STEPS, Shared, command, shared, text, works};
+use crate::run::{STEPS, Shared, command, copy_of, shared, text, works};
 use crate::training::same_model;
 use crate::viewing::rgb;
 
@@ -86,6 +86,11 @@ impl Page {
             assert!(begun.elapsed() < PATIENCE, "{what} has not come: {status}");
             thread::sleep(Duration::from_millis(10));
         }
+    }
+
+    /// Waits for the end.
+    fn ended(mut self, code: i32) {
+        assert_eq!(self.child.wait().expect("an end").code(), Some(code));
     }
 
     /// Ctrl-C; gives the exit code.
@@ -345,6 +350,100 @@ fn a_page_moves_by_mouse_wheel_touch_and_keys() {
     browser.until("document.getElementById('measured').textContent.startsWith('Distance')");
     assert_eq!(page.end(), Some(0));
     browser.until("!document.getElementById('message').hidden || (moved(), false)");
+}
+
+/// Where a page looks from, as text.
+const PLACE: &str = "JSON.stringify([camera.position, camera.rows, camera.distance])";
+
+#[test]
+fn two_browsers_look_at_one_training_apart_from_each_other() {
+    let Some(shared) = shared() else { return };
+    let Some(chromium) = chromium() else { return skipped("no chromium in PATH") };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let page = watched(shared, &folder.path().join("watched"), &["--iterations", "100000", "--eval-every", "0"]);
+    let visit = |name: &str| {
+        let profile = folder.path().join(name);
+        std::fs::create_dir(&profile).expect("a folder");
+        Browser::visit(&chromium, &page.url, &profile, &[])
+    };
+    let (mut one, mut two) = (visit("one"), visit("two"));
+    for browser in [&mut one, &mut two] {
+        browser.until("bitmap !== null && served === wish");
+    }
+    let rests = two.value(PLACE);
+    assert_eq!(one.value(PLACE), rests, "both begin at the first photograph");
+    let middle = one.middle("#picture");
+    one.drag(middle, [middle[0] + 80.0, middle[1] + 20.0]);
+    let moved = one.value(PLACE);
+    assert_ne!(moved, rests, "the mouse moves nothing");
+    assert_eq!(two.value(PLACE), rests, "the other page was moved too");
+    two.click("#next");
+    two.until("camera.at !== null && served === wish");
+    let jumped = two.value(PLACE);
+    assert_eq!(one.value(PLACE), moved, "the first page was moved too");
+    one.until("served === wish");
+
+    // The one goes away in the middle of a move; the other goes on, and so does the training.
+    one.mouse("mousePressed", middle, true);
+    one.mouse("mouseMoved", [middle[0] - 90.0, middle[1]], true);
+    drop(one);
+    let step = page.status()["step"].as_u64().expect("a number");
+    let drawn = page.status()["drawn"].as_u64().expect("a number");
+    let middle = two.middle("#picture");
+    two.drag(middle, [middle[0] - 60.0, middle[1]]);
+    assert_ne!(two.value(PLACE), jumped);
+    two.until(&format!("served === wish && status.step > {step} && status.drawn > {drawn}"));
+    assert!(two.value("document.getElementById('message').hidden").as_bool() == Some(true), "a complaint");
+    page.post("/stop");
+    page.ended(130);
+}
+
+/// Gives the first photographs of a dataset other names, in its files and in its model. A name that leads out of the
+/// folder gets no file of its own.
+fn rename(data: &Path, names: &[&str]) {
+    let model = data.join("sparse/0/images.bin");
+    let mut bytes = std::fs::read(&model).expect("a model");
+    for (number, name) in names.iter().enumerate() {
+        let old = format!("view_{number:04}.jpg\0");
+        let at = bytes.windows(old.len()).position(|part| part == old.as_bytes()).expect("a photograph");
+        bytes.splice(at..at + old.len(), format!("{name}\0").bytes());
+        if !name.starts_with("../") {
+            let to = data.join("images").join(name);
+            std::fs::create_dir_all(to.parent().expect("a folder")).expect("a folder");
+            std::fs::rename(data.join("images").join(old.trim_end_matches('\0')), to).expect("renamed");
+        }
+    }
+    std::fs::write(&model, bytes).expect("written");
+}
+
+/// Names of photographs come from other people's datasets.
+#[test]
+fn hostile_names_of_photographs_are_text_on_the_page() {
+    let Some(shared) = shared() else { return };
+    let Some(chromium) = chromium() else { return skipped("no chromium in PATH") };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let hostile = [
+        "<img src=x onerror=window.ran=1>.jpg",
+        "\"'></option><script>window.ran=2</script>&amp;.jpg",
+        // Found inside of the folder, and called by the name that it has there.
+        "../view_0002.jpg",
+    ];
+    let data = copy_of(&shared.data());
+    rename(data.path(), &hostile);
+    let page = Page::open(&["view", text(&shared.model()), "--cameras", text(data.path()), "--address", "0"]);
+    let mut browser = Browser::visit(&chromium, &page.url, folder.path(), &[]);
+    browser.until("bitmap !== null && served === wish");
+    let shown = browser.value("Array.from(document.getElementById('photograph').options, (o) => o.textContent)");
+    assert!(!shown.to_string().contains(".."), "{shown}");
+    for name in hostile.map(|name| name.trim_start_matches("../")) {
+        let at = shown.as_array().expect("names").iter().position(|s| s.as_str().is_some_and(|s| s.contains(name)));
+        let at = at.unwrap_or_else(|| panic!("{name} is not in {shown}"));
+        browser.value(&format!("jump({})", at - 1));
+        browser.until(&format!("camera.at === {} && photograph !== null && served === wish", at - 1));
+    }
+    assert!(browser.value("window.ran").is_null(), "a name has run");
+    assert!(browser.value("document.querySelector('[onerror], option *, #photograph img')").is_null());
+    assert_eq!(page.end(), Some(0));
 }
 
 #[test]

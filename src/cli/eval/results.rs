@@ -82,7 +82,7 @@ impl Scored<'_> {
         let metrics = self.metrics(started).with_images(self.compared.images);
         let title = format!("{} on {}", metrics.method, metrics.scene);
         let (gaussians, antialias) = (&self.model.in_scene(&self.dataset.frame), self.model.antialias);
-        let background = self.args.background.rgb;
+        let background = self.args.look.scene.background.rgb;
         let model = InReport { title: &title, gaussians, dataset: self.dataset, background, antialias }.interactive();
         let data = ReportData {
             title,
@@ -105,7 +105,7 @@ impl Scored<'_> {
             scene: outputs::scene_name(self.dataset),
             split: args.photographs.split,
             frame: self.model.frame.to_string(),
-            background: args.background.to_string(),
+            background: args.look.scene.background.to_string(),
             transparent: args.photographs.transparent.to_string(),
             antialias: self.model.antialias,
             test_images: images.len(),
@@ -177,7 +177,7 @@ fn settings(args: &Args, model: &ModelFile, metrics: &Metrics) -> Vec<(String, S
         setting("data", args.data.display().to_string()),
         setting("size", format!("{}x{}", metrics.width, metrics.height)),
         setting("split", args.photographs.split.to_string()),
-        setting("background", args.background.to_string()),
+        setting("background", args.look.scene.background.to_string()),
         setting("transparent pixels", args.photographs.transparent.to_string()),
         setting("coordinates", model.frame.to_string()),
     ]

@@ -49,9 +49,9 @@ mod with_viewer {
             return Err(Failure::Usage(text.to_owned()).into());
         }
         not_the_model(args, &args.out)?;
-        let model = ModelFile::read(&args.model, false, &args.frame, args.strict, console)?;
+        let model = ModelFile::read(&args.model, false, &args.scene.frame, args.files.strict, console)?;
         let dataset = args.cameras.as_deref().map(|folder| {
-            let (max_side, strict) = (Some(args.max_side), args.strict);
+            let (max_side, strict) = (Some(args.max_side), args.files.strict);
             let options = LoadOptions { max_side, strict, photographs: false, ..LoadOptions::default() };
             Dataset::load(folder, &options)
         });
@@ -76,7 +76,7 @@ mod with_viewer {
             cameras: &cameras,
             up,
             sh_degree,
-            background: args.background.rgb,
+            background: args.scene.background.rgb,
             antialias: model.antialias,
         };
         let page = shown.html()?;

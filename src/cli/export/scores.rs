@@ -15,7 +15,7 @@ use super::Args;
 use crate::cli::console::{self, Console};
 use crate::cli::exit::Failure;
 use crate::cli::model_file::{DrawingArgs, ModelFile};
-use crate::cli::{device, output_guard, progress};
+use crate::cli::{output_guard, progress};
 
 /// A written file.
 #[derive(Debug, serde::Serialize)]
@@ -77,8 +77,8 @@ impl Row {
 
 /// The dataset whose held-out photographs are compared.
 pub(super) fn dataset(args: &Args, folder: &Path) -> anyhow::Result<Dataset> {
-    let photographs = Photographs { max_side: args.max_side, strict: args.strict, ..Photographs::default() };
-    let options = prepare::load_options(&photographs, args.background.rgb);
+    let photographs = Photographs { max_side: args.max_side, strict: args.files.strict, ..Photographs::default() };
+    let options = prepare::load_options(&photographs, args.scene.background.rgb);
     let options = LoadOptions { host_memory: args.host.host_memory.map(|bytes| bytes.0), ..options };
     let dataset = Dataset::load(folder, &options)?;
     if args.format == Some(super::Kind::All) {
@@ -106,7 +106,7 @@ impl<'a> Scorer<'a> {
             let text = format!("{}: no photograph is held out, so no loss can be told", dataset.path.display());
             return Err(Failure::Input(text).into());
         }
-        let gpu = device::open(&args.device, false, console)?;
+        let gpu = args.scene.open(console)?;
         Ok(Self { args, console, dataset, views, gpu })
     }
 
@@ -115,7 +115,7 @@ impl<'a> Scorer<'a> {
         let args = self.args;
         let drawing = DrawingArgs::exact();
         let frame = &self.dataset.frame;
-        let mut drawn = model.upload(&self.gpu, &args.blending, &drawing, frame, &args.background)?;
+        let mut drawn = args.scene.upload((&self.gpu, model), &drawing, frame)?;
         let bar = progress::counter(self.console, self.views.len(), "photographs");
         let (mut psnr, mut ssim) = (Vec::new(), Vec::new());
         for view in &self.views {

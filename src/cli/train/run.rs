@@ -60,7 +60,7 @@ pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, st
     folder.begin(&settings)?;
     trainer.keep_checkpoints(&folder.checkpoints());
     let mut page = match (&plan.view, scene) {
-        (Some(address), Some(scene)) => Some(Watched::begin(address, scene, &trainer, console)?),
+        (Some(address), Some(scene)) => Some(Watched::begin(address, scene, (&trainer, &gpu), console)?),
         _ => None,
     };
     let mut to_the_end = || {

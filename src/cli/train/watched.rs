@@ -10,15 +10,15 @@ use psrgs_vk::raster::{Look, Picture};
 use psrgs_vk::scene::Camera;
 use psrgs_vk::train::{Input, Message, Trainer, View};
 use psrgs_vk::view::{Address, Board, Command, Drawable, Pacer, SceneInfo, Server, Shot, Source, State, answer};
-use psrgs_vk::vk::Gpu;
+use psrgs_vk::vk::{DeviceKind, Gpu};
 
 use super::RunPlan;
 use crate::cli::console::Console;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::live_page;
 
-/// Share of time that drawing may take from the training. Where the device is a processor, waits, the encoding of pictures
-/// and the browser take its time as well; with them viewing stays at about 13 %.
+/// Share of time that viewing may take from the training: drawing, and where the device is a processor the work of the
+/// server as well. The browser on the same processor takes its own time beside that.
 const SHARE: f64 = 0.09;
 
 /// Pictures a second while somebody moves: beside a training, and of a training that rests or is done.
@@ -49,6 +49,8 @@ pub(super) struct Watched {
     board: Arc<Board>,
     /// Of pictures beside the training, and of pictures with the device to themselves.
     pacers: [Pacer; 2],
+    /// Seconds of the device that a second of work of the server takes.
+    serving: f64,
     /// When something was last wanted.
     looked: Option<Instant>,
     reported: f64,
@@ -78,7 +80,7 @@ impl Watched {
     pub(super) fn begin(
         address: &Address,
         mut scene: SceneInfo,
-        trainer: &Trainer,
+        (trainer, gpu): (&Trainer, &Gpu),
         console: &Console,
     ) -> anyhow::Result<Self> {
         let schedule = trainer.schedule();
@@ -90,7 +92,10 @@ impl Watched {
         let pixels = server.scene().shots.iter().map(|shot| shot.camera.width * shot.camera.height).max().unwrap_or(1);
         let pacers = [(SHARE, RATES[0]), (1.0, RATES[1])]
             .map(|(share, rate)| Pacer::new(share, rate, Instant::now()).within(pixels));
-        Ok(Self { server, board, pacers, looked: None, reported: 0.0, recent: VecDeque::new(), loss: (0.0, 0) })
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let serving = if gpu.caps().kind == DeviceKind::Cpu { 1.0 / threads as f64 } else { 0.0 };
+        let recent = VecDeque::new();
+        Ok(Self { server, board, pacers, serving, looked: None, reported: 0.0, recent, loss: (0.0, 0) })
     }
 
     /// How far the work is.
@@ -164,7 +169,11 @@ impl Watched {
         if !self.board.is_wanted() {
             return false;
         }
+        let served = self.board.take_served().as_secs_f64() * self.serving;
         let pacer = &mut self.pacers[usize::from(alone)];
+        if !alone {
+            pacer.also_took(served);
+        }
         if !pacer.wait(Instant::now()).is_zero() {
             return false;
         }
