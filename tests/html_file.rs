@@ -7,9 +7,9 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use common::browser::{Browser, chromium};
 use image::RgbImage;
-use base64::prelude::{BASE64_STANDARD, Engine};
 use psrgs_vk::format::html::{FROM_VIEWER, Shown};
 use psrgs_vk::format::ply;
 use psrgs_vk::format::splats::sog;

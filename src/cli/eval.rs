@@ -224,7 +224,8 @@ fn nothing_held_out(args: &Args, dataset: &Dataset) -> anyhow::Error {
 fn warn_of_differences(args: &Args, options: &LoadOptions, dataset: &Dataset, console: &Console) {
     let held_out = dataset.views_of(Role::HeldOut).map(|(_, view)| view.size_on_disk.0.max(view.size_on_disk.1));
     let longest = held_out.max().filter(|_| options.sizing.is_none());
-    for line in settings_mismatch::differences(&args.model, &args.photographs, args.look.scene.background.rgb, longest) {
+    for line in settings_mismatch::differences(&args.model, &args.photographs, args.look.scene.background.rgb, longest)
+    {
         console.warn(line);
     }
 }

@@ -165,16 +165,8 @@ mod tests {
     fn encoding_counts_as_work_and_waiting_does_not() {
         let (width, height) = (640, 480);
         let turn = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        let camera = Camera {
-            rotation: turn,
-            translation: [0.0; 3],
-            fx: 500.0,
-            fy: 500.0,
-            cx: 320.0,
-            cy: 240.0,
-            width,
-            height,
-        };
+        let camera =
+            Camera { rotation: turn, translation: [0.0; 3], fx: 500.0, fy: 500.0, cx: 320.0, cy: 240.0, width, height };
         let shot = Shot { name: "a".to_owned(), camera, held_out: false, photograph: None };
         let scene = SceneInfo::new("scene", Frame::IDENTITY).with_shots(vec![shot]);
         let server = Server::start(&"0".parse().expect("an address"), scene).expect("a server");
