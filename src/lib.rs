@@ -74,6 +74,7 @@ pub mod format;
 pub mod geodesy;
 mod host_memory;
 pub mod loss;
+pub mod map;
 pub mod numbers;
 pub mod pass;
 pub mod perceptual;

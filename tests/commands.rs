@@ -35,6 +35,8 @@ mod newcomer;
 mod other_trainers;
 #[path = "commands/others_files.rs"]
 mod others_files;
+#[path = "commands/points.rs"]
+mod points;
 #[path = "commands/run.rs"]
 mod run;
 #[path = "commands/scoring.rs"]

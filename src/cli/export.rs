@@ -22,7 +22,8 @@ use super::exit::Failure;
 use super::look_args::{SceneArgs, StrictArgs};
 use super::model_file::ModelFile;
 use super::model_frame::ModelFrame;
-use options::{Crop, Kind, Up, opacity};
+pub(crate) use options::opacity;
+use options::{Crop, Kind, Up};
 use scores::{Row, Scorer};
 
 /// Write a model in the format of a viewer: an HTML page, compressed PLY, SPZ, SOG, .splat or glTF

@@ -33,6 +33,7 @@ mod outputs;
 mod passes;
 mod pictures;
 mod plain;
+mod points;
 mod presets;
 mod progress;
 mod render;
@@ -86,6 +87,7 @@ enum Command {
     Render(render::Args),
     Eval(eval::Args),
     Export(Box<export::Args>),
+    Points(Box<points::Args>),
     Demo(demo::Args),
     Bench(bench::Args),
     Check(check::Args),
@@ -176,6 +178,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
         Command::Render(args) => render::run(args, console),
         Command::Eval(args) => eval::run(args, console, started),
         Command::Export(args) => export::run(args, console),
+        Command::Points(args) => points::run(args, console),
         Command::Demo(args) => demo::run(args, interrupt, console, started),
         Command::Bench(args) => bench::run(args, console),
         Command::Check(args) => check::run(args, own, console),

@@ -14,8 +14,8 @@ use psrgs_vk::format::names;
 use psrgs_vk::format::ply::Cloud;
 use psrgs_vk::numbers::{counted, percent};
 use psrgs_vk::stereo::{
-    self, Accuracy, InitialPlanes, Matcher, MemoryEstimate, Observations, Prior, Scene, Settings, SkippedView,
-    ViewTruth, WithoutDepth, fuse,
+    self, Accuracy, FusedPoint, InitialPlanes, Matcher, MemoryEstimate, Observations, Prior, Scene, Settings, SkippedView,
+    StereoView, ViewTruth, WithoutDepth, fuse,
 };
 use psrgs_vk::train::settings::{DeviceChoice, HostChoice};
 use psrgs_vk::train::{HostMemory, shares_memory};
@@ -134,17 +134,14 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     output_guard::check(&args.out, &dataset)?;
     dataset.warnings.iter().filter(|warning| !warning.is_of_training()).for_each(|warning| console.warn(warning));
     let gpu = device::open(&args.device, false, console)?;
-    let share = host_share(&gpu, &dataset, &settings, args, console)?;
+    let share = host_share(&gpu, &dataset, &settings, &args.host, console)?;
     let mut scene = scene(&mut dataset, &settings, &share, console)?;
     if args.random_start {
         scene.views.iter_mut().for_each(|view| view.start = InitialPlanes::Random);
     }
     without_depth(&scene.skipped, console);
     let prepared = Instant::now();
-    let matcher = Matcher::new(&gpu, &settings)?;
-    let bar = progress::counter(console, scene.views.len(), "photographs");
-    let priors = matcher.run(&scene.views, |done| bar.set_position((done * scene.views.len() as f64) as u64))?;
-    bar.finish_and_clear();
+    let priors = matched_views(&gpu, &scene, &settings, console)?;
     let matched = prepared.elapsed().as_secs_f64();
     let cloud = fuse(&scene.views, &priors, &settings);
     let per_pixel = u64::from(settings.sources) * settings.samples_per_pixel(1);
@@ -182,6 +179,39 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     Ok(())
 }
 
+/// The depths of all views.
+fn matched_views(gpu: &Gpu, scene: &Scene, settings: &Settings, console: &Console) -> anyhow::Result<Vec<Prior>> {
+    let matcher = Matcher::new(gpu, settings)?;
+    let bar = progress::counter(console, scene.views.len(), "photographs");
+    let priors = matcher.run(&scene.views, |done| bar.set_position((done * scene.views.len() as f64) as u64))?;
+    bar.finish_and_clear();
+    Ok(priors)
+}
+
+/// The cloud of a dataset, with the usual settings.
+pub(crate) struct DatasetCloud {
+    pub(crate) views: Vec<StereoView>,
+    pub(crate) points: Vec<FusedPoint>,
+}
+
+/// Matches the photographs that a dataset trains on, at its size, and fuses their depths.
+pub(crate) fn cloud(
+    dataset: &mut Dataset,
+    max_side: u32,
+    gpu: &Gpu,
+    host: &HostChoice,
+    console: &Console,
+) -> anyhow::Result<DatasetCloud> {
+    let settings = Settings { max_side, ..Settings::default() };
+    settings.check()?;
+    let share = host_share(gpu, dataset, &settings, host, console)?;
+    let scene = scene(dataset, &settings, &share, console)?;
+    without_depth(&scene.skipped, console);
+    let priors = matched_views(gpu, &scene, &settings, console)?;
+    let points = fuse(&scene.views, &priors, &settings);
+    Ok(DatasetCloud { views: scene.views, points })
+}
+
 /// The photographs and cameras of the scene. A few photographs that cannot be decoded are left out.
 fn scene(dataset: &mut Dataset, settings: &Settings, share: &HostShare, console: &Console) -> anyhow::Result<Scene> {
     match Scene::of(dataset, settings, share, View::photograph) {
@@ -206,13 +236,13 @@ fn host_share(
     gpu: &Gpu,
     dataset: &Dataset,
     settings: &Settings,
-    args: &Args,
+    host: &HostChoice,
     console: &Console,
 ) -> anyhow::Result<HostShare> {
     let views = || dataset.views_of(Role::Train).map(|(_, view)| view);
     let room = MemoryEstimate::of(settings, views().map(|view| (view.camera.width, view.camera.height)));
     let matching = room.host + if shares_memory(gpu) { room.device } else { 0 };
-    let memory = HostMemory::new(args.host.host_memory.map(|bytes| bytes.0)).after(matching);
+    let memory = HostMemory::new(host.host_memory.map(|bytes| bytes.0)).after(matching);
     let share = memory.share(views().map(View::decoding_bytes).max().unwrap_or(0));
     memory.check(&share)?;
     let short = memory.short_by(&share);

@@ -22,6 +22,14 @@ pub fn write(file: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>
     write_on(&System, file, content)
 }
 
+/// As [`write()`], with a file in which the content may go back and forth. What was written through other handles of the
+/// file counts too.
+pub fn write_file(file: &Path, content: impl FnOnce(&mut File) -> io::Result<()>) -> Result<(), Error> {
+    let (folder, mut temporary) = beside(file)?;
+    content(temporary.as_file_mut()).map_err(Error::io(file, "write"))?;
+    finish(&System, (file, folder), temporary)
+}
+
 fn write_on(
     disk: &impl Disk,
     file: &Path,
@@ -31,6 +39,15 @@ fn write_on(
     let mut out = BufWriter::with_capacity(1 << 18, temporary.as_file_mut());
     content(&mut out).and_then(|()| out.flush()).map_err(Error::io(file, "write"))?;
     drop(out);
+    finish(disk, (file, folder), temporary)
+}
+
+/// Puts a temporary file into its place.
+fn finish(
+    disk: &impl Disk,
+    (file, folder): (&Path, &Path),
+    temporary: tempfile::NamedTempFile,
+) -> Result<(), Error> {
     disk.flush_file(temporary.as_file()).map_err(Error::io(file, "flush to the disk"))?;
     temporary.persist(file).map_err(|e| Error::io(file, "rename the temporary file to it")(e.error))?;
     match disk.flush_folder(folder) {

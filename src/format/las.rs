@@ -1,6 +1,7 @@
 //! Laser scans in LAS and compressed LAZ files (ASPRS LAS 1.0 to 1.4).
 
 mod items;
+mod write;
 
 use std::fmt::Display;
 use std::fs::File;
@@ -13,6 +14,8 @@ use las::{Point, Reader};
 use super::contain::contained;
 use super::source::Source;
 use super::{At, Error};
+
+pub use write::{CloudPoint, Coordinates, Written, write};
 
 /// The first bytes of a LAS file.
 pub(crate) const MAGIC: [u8; 4] = *b"LASF";

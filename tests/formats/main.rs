@@ -8,6 +8,7 @@ mod compact;
 mod meshes;
 mod models;
 mod pictures;
+mod point_files;
 mod readers;
 mod similarities;
 

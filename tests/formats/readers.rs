@@ -1,5 +1,5 @@
 //! Files in the formats of viewers, compared with independent programs: splat-transform and the glTF validator on Node,
-//! gsply on Python. `tools/readers` installs them into `target/readers`; `PSRGS_READERS` names another folder.
+//! gsply, laspy and pyproj on Python. `tools/readers` installs them into `target/readers`; `PSRGS_READERS` names another folder.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use super::common::skipped;
 use super::compact::{ALL, angle, colours, farthest, opacity, rest, with_degree};
 
 /// A program in the folder of readers; `None` where the program or what runs it is missing.
-fn installed(path: &str, runs: &str) -> Option<PathBuf> {
+pub(crate) fn installed(path: &str, runs: &str) -> Option<PathBuf> {
     let usual = || Path::new(env!("CARGO_MANIFEST_DIR")).join("target/readers");
     let folder = std::env::var_os("PSRGS_READERS").map_or_else(usual, PathBuf::from);
     let file = folder.join(path);
@@ -27,7 +27,7 @@ fn installed(path: &str, runs: &str) -> Option<PathBuf> {
 
 /// Runs a program to its end.
 #[track_caller]
-fn run(command: &mut Command) -> String {
+pub(crate) fn run(command: &mut Command) -> String {
     let output = command.output().expect("a program");
     let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{command:?}: {said}");

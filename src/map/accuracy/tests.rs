@@ -1,0 +1,154 @@
+//! Made-up surfaces of known error.
+
+use super::*;
+use crate::scene::random::Random;
+
+const GSD: f64 = 0.1;
+const SIDE: usize = 240;
+const CELLS: Cells = Cells { width: SIDE, height: SIDE, gsd: GSD };
+
+/// Brightness at a place in cells: waves of many lengths and directions, none shorter than four cells.
+fn brightness(x: f64, y: f64) -> f64 {
+    let mut random = Random::new(3);
+    let waves = (0..40).map(|_| {
+        let (length, angle) = (random.range(4.0, 24.0), random.range(0.0, 3.1));
+        let (phase, strength) = (random.range(0.0, 6.3), random.range(2.0, 8.0));
+        strength * (6.283 / length * (x * angle.cos() + y * angle.sin()) + phase).sin()
+    });
+    128.0 + waves.sum::<f64>()
+}
+
+fn picture(shift: [f64; 2], gain: f64, noise: f64) -> Vec<f32> {
+    let mut random = Random::new(5);
+    (0..SIDE * SIDE)
+        .map(|k| {
+            let (x, y) = ((k % SIDE) as f64 - shift[0], (k / SIDE) as f64 - shift[1]);
+            ((gain * brightness(x, y) + 9.0) + noise * random.normal()) as f32
+        })
+        .collect()
+}
+
+fn of(values: &[f32]) -> Picture<'_> {
+    Picture { width: SIDE, height: SIDE, values }
+}
+
+#[test]
+fn a_shift_of_fractions_of_a_cell_is_found() {
+    let truth = picture([0.0; 2], 1.0, 0.0);
+    for by in [[0.3, 0.0], [-0.5, 0.25], [0.0, -0.1], [2.7, -3.4]] {
+        let found = patches(&of(&truth), &of(&picture(by, 0.8, 2.0)), GSD).expect("patches");
+        assert!(found.count >= 100 && found.coarse == 0, "{found:?}");
+        let off = [found.median[0] / GSD - by[0], -found.median[1] / GSD - by[1]];
+        assert!(off.iter().all(|v| v.abs() < 0.02), "{by:?}: {off:?} cells off");
+        let length = by[0].hypot(by[1]);
+        assert!((found.rmse / GSD - length).abs() < 0.05, "{by:?}: {found:?}");
+    }
+}
+
+#[test]
+fn plain_and_empty_patches_have_no_shift_and_wrong_ones_count() {
+    let (truth, plain) = (picture([0.0; 2], 1.0, 0.0), vec![77.0; SIDE * SIDE]);
+    assert_eq!(patches(&of(&plain), &of(&truth), GSD), None);
+    let mut half = picture([0.3, 0.0], 1.0, 0.0);
+    half[SIDE * SIDE / 2..].fill(f32::NAN);
+    let found = patches(&of(&truth), &of(&half), GSD).expect("patches");
+    assert!(found.count < found.textured * 6 / 10 && found.count > found.textured * 3 / 10, "{found:?}");
+    assert!((found.rmse / GSD - 0.3).abs() < 0.02, "{found:?}");
+    // A tenth of the map shows something else: the root of the mean square tells, the median does not.
+    let mut wrong = picture([0.3, 0.0], 1.0, 0.0);
+    let part = wrong[..SIDE * SIDE / 10].iter_mut().enumerate();
+    part.for_each(|(k, v)| *v = (128.0 + brightness(0.3 * k as f64, 7.0)) as f32);
+    let found = patches(&of(&truth), &of(&wrong), GSD).expect("patches");
+    assert!(found.rmse / GSD > 0.6 && (found.median_length / GSD - 0.3).abs() < 0.05, "{found:?}");
+}
+
+/// A ground that rises to the east, with a block of 3 m on it.
+fn heights() -> (Vec<f32>, Vec<Kind>) {
+    let block = |k: usize| (60..140).contains(&(k % SIDE)) && (80..160).contains(&(k / SIDE));
+    let height = |k: usize| 500.0 + 0.02 * (k % SIDE) as f32 + if block(k) { 3.0 } else { 0.0 };
+    let cells = 0..SIDE * SIDE;
+    (cells.clone().map(height).collect(), cells.map(|k| if block(k) { Kind::Roof } else { Kind::Ground }).collect())
+}
+
+#[test]
+fn cells_by_a_step_are_left_out_and_slopes_are_not() {
+    let (heights, kinds) = heights();
+    let found = mask(CELLS, &Reference { heights: &heights, kinds: Some(&kinds), picture: None });
+    let at = |x: usize, y: usize| found.kinds[y * SIDE + x];
+    // The step is between the columns 59 and 60: a middle 2.5 cells away counts, one 1.5 cells away does not.
+    assert_eq!([57, 58, 61, 62].map(|x| at(x, 120)), [Some(Kind::Ground), None, None, Some(Kind::Roof)]);
+    assert_eq!([at(0, 0), at(100, 120)], [Some(Kind::Ground), Some(Kind::Roof)]);
+    let left_out = found.kinds.iter().filter(|kind| kind.is_none()).count();
+    // Of the cells diagonal to the block's corners, the outer ones are farther than 2 cells.
+    assert_eq!(left_out, 84 * 84 - 76 * 76 - 4);
+    assert!(found.share > 0.9);
+}
+
+#[test]
+fn a_tilt_and_a_shift_of_the_whole_are_told_and_outliers_stay() {
+    let (truth, kinds) = heights();
+    let mut random = Random::new(1);
+    let map: Vec<f32> = truth
+        .iter()
+        .enumerate()
+        .map(|(k, z)| {
+            let (east, north) = ((k % SIDE) as f64 + 0.5 - 120.0, 119.5 - (k / SIDE) as f64);
+            let error = 0.25 + GSD * (0.004 * east - 0.002 * north) + 0.01 * random.normal();
+            // One in fifty is far off.
+            let wrong = if random.unit() < 0.02 { 5.0 } else { 0.0 };
+            (f64::from(*z) + error + wrong) as f32
+        })
+        .collect();
+    let reference = Reference { heights: &truth, kinds: Some(&kinds), picture: None };
+    let mask = mask(CELLS, &reference);
+    let found = assess(CELLS, &reference, &mask, &Surface { heights: &map, picture: None, seen: None });
+    assert!((found.whole.up - 0.25).abs() < 0.002, "{:?}", found.whole);
+    assert!((found.whole.tilt[0] - 0.004).abs() < 1e-4 && (found.whole.tilt[1] + 0.002).abs() < 1e-4);
+    assert!((found.whole.tilt_degrees - 0.2562).abs() < 0.01, "{:?}", found.whole);
+    assert!((found.vertical.rmse - (0.02_f64 * 27.5 + 0.063).sqrt()).abs() < 0.03, "{:?}", found.vertical);
+    assert!((found.vertical.median - 0.25).abs() < 0.01 && found.vertical.rmse > 0.6, "{:?}", found.vertical);
+    assert!(found.roofs.count > 5000 && found.ground.count + found.roofs.count == found.vertical.count);
+    assert_eq!(found.planimetric, None);
+}
+
+#[test]
+fn cells_without_height_are_incomplete_only_where_two_look() {
+    let (truth, kinds) = heights();
+    let reference = Reference { heights: &truth, kinds: Some(&kinds), picture: None };
+    let mask = mask(CELLS, &reference);
+    let mut map = truth.clone();
+    let mut seen = vec![2; SIDE * SIDE];
+    // A quarter has no height; of that, half is seen by one photograph alone.
+    map[..SIDE * SIDE / 4].fill(f32::NAN);
+    seen[..SIDE * SIDE / 8].fill(1);
+    // A strip is 0.25 m off, one 0.35 m: three ground sample distances are 0.3 m.
+    map[SIDE * 200..SIDE * 210].iter_mut().for_each(|z| *z += 0.25);
+    map[SIDE * 210..SIDE * 220].iter_mut().for_each(|z| *z += 0.35);
+    let found = assess(CELLS, &reference, &mask, &Surface { heights: &map, picture: None, seen: Some(&seen) });
+    let cells = found.completeness.cells as f64;
+    assert!((found.completeness.with_height - (1.0 - 30.0 * 240.0 / cells)).abs() < 1e-9, "{:?}", found.completeness);
+    assert!((found.completeness.complete - (1.0 - 40.0 * 240.0 / cells)).abs() < 1e-9, "{:?}", found.completeness);
+    let other = vec![f32::NAN; SIDE * SIDE];
+    assert_eq!(on_common_cells(&reference, &mask, [&map, &other]), [Errors::default(); 2]);
+    let [mine, same] = on_common_cells(&reference, &mask, [&map, &truth]);
+    assert!(mine.count == same.count && mine.rmse > 0.0 && same.rmse == 0.0);
+}
+
+#[test]
+fn clouds_become_medians_and_points_are_looked_up() {
+    let corner = [1000.0, 2000.0];
+    let cells = Cells { width: 3, height: 2, gsd: 1.0 };
+    let points = [[1000.2, 1999.5, 5.0], [1000.7, 1999.1, 6.0], [1000.5, 1999.6, 90.0], [1002.5, 1998.5, 1.0]];
+    let outside = [[999.9, 1999.5, 1.0], [1003.0, 1999.5, 1.0], [1001.5, 1999.5, f64::NAN]];
+    let heights = gridded(cells, corner, points.into_iter().chain(outside));
+    assert_eq!(heights[0], 6.0);
+    assert_eq!(heights[5], 1.0);
+    assert!([1, 2, 3, 4].iter().all(|k| heights[*k].is_nan()));
+
+    let plane: Vec<f32> = (0..6).map(|k| (10 * (k / 3) + k % 3) as f32).collect();
+    let found = at_points(cells, corner, &plane, &[[1001.0, 1999.0, 5.0], [1004.0, 1999.0, 0.0]]);
+    // Between four cells: half of 0, 1, 10, 11.
+    assert_eq!(found.each, [Some(0.5), None]);
+    assert_eq!((found.vertical.count, found.vertical.rmse), (1, 0.5));
+    assert_eq!(Errors::of(&[1.0, -3.0, 2.0, 4.0]).median, 1.5);
+}

@@ -1,0 +1,92 @@
+//! `points`: point clouds of splats and of stereo, on a map where one is known.
+
+use std::fs;
+use std::path::Path;
+
+use psrgs_vk::format::{las, ply};
+
+use crate::run::{copy_of, fails, psrgs, shared, stderr, text, works};
+
+/// East-north-up about a place, as OpenSfM and OpenDroneMap write it beside a reconstruction.
+fn placed(model: &Path, folder: &Path) -> std::path::PathBuf {
+    let to = folder.join("point_cloud.ply");
+    fs::copy(model, &to).expect("copied");
+    let origin = r#"{"kind":"east-north-up","origin":{"latitude":45.0,"longitude":11.0,"altitude":200.0}}"#;
+    let map = r#"{"system":"WGS 84 / UTM zone 32N","epsg":32632,"proj":"+proj=utm +zone=32 +datum=WGS84 +units=m +no_defs",
+        "heights":"ellipsoid","known_from":"dataset","origin":{"latitude":45.0,"longitude":11.0,"altitude":200.0},
+        "at":[0,0,0],"dataset_to_map":[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]],"fitted":{"origin":{"latitude":45.0,
+        "longitude":11.0,"altitude":200.0},"similarity":[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}}"#;
+    let frame = format!(r#"{{"offset":[0,0,0],"scale":1.0,"shift":[0,0,0],"coordinates":{origin},"map":{map}}}"#);
+    fs::write(folder.join("frame.json"), frame).expect("written");
+    to
+}
+
+#[test]
+fn splats_become_points_of_a_las_file() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (model, data) = (shared.model(), shared.data());
+    let splats = ply::read(&model).expect("a model");
+    let opaque = |least: f32| splats.gaussians.opacities.iter().filter(|o| 1.0 / (1.0 + (-**o).exp()) >= least).count();
+    let (las_file, laz_file) = (folder.path().join("a.las"), folder.path().join("a.laz"));
+    // After few steps no splat is opaque.
+    works(&["points", text(&model), "--keep-opacity", "0", "--cameras", text(&data), "--out", text(&las_file)]);
+    works(&["points", text(&model), "--keep-opacity", "0.1", "--out", text(&laz_file)]);
+    let (all, few) = (las::read(&las_file).expect("a file"), las::read(&laz_file).expect("a file"));
+    assert_eq!((all.len(), few.len()), (splats.gaussians.len(), opaque(0.1)));
+    assert!(!few.is_empty() && few.len() < all.len());
+    // Without a map the coordinates are those of the dataset, to about a millionth of its extent.
+    let means: Vec<&[f32]> = splats.gaussians.means.chunks_exact(3).collect();
+    for point in all.iter().step_by(50) {
+        let off = |m: &&[f32]| (0..3).map(|k| (f64::from(m[k]) + splats.shift[k] - point[k]).abs()).fold(0.0, f64::max);
+        let nearest = means.iter().map(off).fold(f64::MAX, f64::min);
+        assert!(nearest < 1e-3, "{point:?} is {nearest} from every splat");
+    }
+}
+
+#[test]
+fn points_lie_on_the_map_that_frame_json_names() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (model, out) = (placed(&shared.model(), folder.path()), folder.path().join("a.laz"));
+    let output = psrgs(&["points", text(&model), "--keep-opacity", "0", "--out", text(&out)]);
+    let said = stderr(&output);
+    assert!(output.status.success() && said.contains("UTM zone 32N") && said.contains("frame.json"), "{said}");
+    let points = las::read(&out).expect("a file");
+    // 45 N 11 E is at 657630.64 E, 4984896.17 N (pyproj); the scene has a few dozen metres.
+    let near = |p: &[f64; 3]| (p[0] - 657_630.6).abs() < 200.0 && (p[1] - 4_984_896.2).abs() < 200.0;
+    assert!(points.iter().filter(|p| near(p)).count() > points.len() * 9 / 10, "{:?}", points.first());
+    let needs = ["--crs", "--cameras"];
+    fails(&["points", text(&model), "--crs", "EPSG:25832", "--out", text(&out)], 2, &needs);
+}
+
+#[test]
+fn stereo_becomes_points_with_an_error() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("stereo.las");
+    works(&["points", "--stereo", text(&shared.data()), "--max-side", "64", "--out", text(&out), "-q"]);
+    assert!(las::read(&out).expect("a file").len() > 100);
+}
+
+#[test]
+fn points_that_cannot_be_written_lose_nothing() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (model, out) = (shared.model(), folder.path().join("a.las"));
+    fs::write(&out, "what was there").expect("written");
+    let model = text(&model).to_owned();
+    let base = ["points", model.as_str(), "--out"];
+    fails(&[&base[..], &[text(&out), "--keep-opacity", "1"]].concat(), 3, &["--keep-opacity", "none of"]);
+    assert_eq!(fs::read_to_string(&out).expect("a file"), "what was there");
+    fails(&[&base[..], &["a.ply"]].concat(), 2, &[".las or .laz"]);
+    let nowhere = folder.path().join("none/a.las");
+    fails(&[&base[..], &[text(&nowhere)]].concat(), 8, &["none"]);
+    fails(&["points", "--out", text(&out)], 2, &["<MODEL>"]);
+    // A file of the dataset keeps its place.
+    let data = copy_of(&shared.data());
+    let cloud = data.path().join("images/cloud.las");
+    fs::write(&cloud, "a scan").expect("written");
+    fails(&[&base[..], &[text(&cloud), "--cameras", text(data.path())]].concat(), 2, &["another folder"]);
+    assert_eq!(fs::read_to_string(&cloud).expect("a file"), "a scan");
+}
