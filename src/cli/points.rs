@@ -68,7 +68,9 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let ending = args.out.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
     if !["las", "laz"].iter().any(|known| ending.eq_ignore_ascii_case(known)) {
-        return Err(Failure::Usage(format!("--out {}: the file's name ends in .las or .laz", args.out.display())).into());
+        return Err(
+            Failure::Usage(format!("--out {}: the file's name ends in .las or .laz", args.out.display())).into()
+        );
     }
     atomic::check(&args.out)?;
     match (&args.stereo, &args.model) {
@@ -106,12 +108,14 @@ fn of_splats(file: &Path, args: &Args, console: &Console) -> anyhow::Result<()> 
     };
     let every = (model.splats() / SAMPLE).max(1);
     let means = content.gaussians.means.chunks_exact(3).step_by(every);
-    let sample: Vec<[f64; 3]> = means
-        .map(|mean| georeference.to_map(to_dataset.point([0, 1, 2].map(|k| f64::from(mean[k])))))
-        .collect();
+    let sample: Vec<[f64; 3]> =
+        means.map(|mean| georeference.to_map(to_dataset.point([0, 1, 2].map(|k| f64::from(mean[k]))))).collect();
     let nothing = || {
         let (least, file) = (args.keep_opacity, file.display());
-        format!("{file}: none of {} has an opacity of {least}; a lower --keep-opacity keeps more", counted(model.splats(), "splat"))
+        format!(
+            "{file}: none of {} has an opacity of {least}; a lower --keep-opacity keeps more",
+            counted(model.splats(), "splat")
+        )
     };
     let enough = |logit: &f32| 1.0 / (1.0 + (-f64::from(*logit)).exp()) >= args.keep_opacity;
     if !content.gaussians.opacities.iter().any(enough) {
@@ -184,7 +188,9 @@ fn beside(file: &Path, args: &Args, console: &Console) -> anyhow::Result<Georefe
             let system = found.system().map(ToString::to_string).unwrap_or_default();
             console.say(format_args!("map: {system}, by frame.json beside the model"));
         }
-        None => console.say(format_args!("map: none is known, so the coordinates are the dataset's; else --cameras DATA")),
+        None => {
+            console.say(format_args!("map: none is known, so the coordinates are the dataset's; else --cameras DATA"))
+        }
     }
     Ok(known.unwrap_or_else(Georeference::local))
 }

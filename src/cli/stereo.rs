@@ -14,8 +14,8 @@ use psrgs_vk::format::names;
 use psrgs_vk::format::ply::Cloud;
 use psrgs_vk::numbers::{counted, percent};
 use psrgs_vk::stereo::{
-    self, Accuracy, FusedPoint, InitialPlanes, Matcher, MemoryEstimate, Observations, Prior, Scene, Settings, SkippedView,
-    StereoView, ViewTruth, WithoutDepth, fuse,
+    self, Accuracy, FusedPoint, InitialPlanes, Matcher, MemoryEstimate, Observations, Prior, Scene, Settings,
+    SkippedView, StereoView, ViewTruth, WithoutDepth, fuse,
 };
 use psrgs_vk::train::settings::{DeviceChoice, HostChoice};
 use psrgs_vk::train::{HostMemory, shares_memory};

@@ -43,11 +43,7 @@ fn write_on(
 }
 
 /// Puts a temporary file into its place.
-fn finish(
-    disk: &impl Disk,
-    (file, folder): (&Path, &Path),
-    temporary: tempfile::NamedTempFile,
-) -> Result<(), Error> {
+fn finish(disk: &impl Disk, (file, folder): (&Path, &Path), temporary: tempfile::NamedTempFile) -> Result<(), Error> {
     disk.flush_file(temporary.as_file()).map_err(Error::io(file, "flush to the disk"))?;
     temporary.persist(file).map_err(|e| Error::io(file, "rename the temporary file to it")(e.error))?;
     match disk.flush_folder(folder) {

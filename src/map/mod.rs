@@ -6,5 +6,5 @@ mod steps;
 mod stereo_points;
 
 pub use splat_points::SplatPoints;
-pub use stereo_points::StereoPoints;
 pub use steps::steps;
+pub use stereo_points::StereoPoints;

@@ -146,14 +146,7 @@ mod tests {
 
     fn points(georeference: &Georeference, to_dataset: Similarity, eyes: &[[f64; 3]]) -> Vec<CloudPoint> {
         let model = splats();
-        let of = SplatPoints {
-            gaussians: &model,
-            sh_degree: 1,
-            to_dataset,
-            georeference,
-            eyes,
-            least_opacity: 0.5,
-        };
+        let of = SplatPoints { gaussians: &model, sh_degree: 1, to_dataset, georeference, eyes, least_opacity: 0.5 };
         of.points().collect()
     }
 

@@ -97,8 +97,8 @@ fn put(
             }
         }
         written.points += 1;
-        let broken = written.points.is_multiple_of(1 << 16)
-            && failed.lock().unwrap_or_else(PoisonError::into_inner).is_some();
+        let broken =
+            written.points.is_multiple_of(1 << 16) && failed.lock().unwrap_or_else(PoisonError::into_inner).is_some();
         if broken {
             break;
         }

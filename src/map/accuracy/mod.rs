@@ -212,8 +212,7 @@ pub fn on_common_cells(reference: &Reference<'_>, mask: &Mask, maps: [&[f32]; 2]
     let common = |k: &usize| mask.kinds[*k].is_some() && maps.iter().all(|map| map[*k].is_finite());
     let cells: Vec<usize> = (0..mask.kinds.len()).filter(common).collect();
     maps.map(|map| {
-        let errors: Vec<f64> =
-            cells.iter().map(|k| f64::from(map[*k]) - f64::from(reference.heights[*k])).collect();
+        let errors: Vec<f64> = cells.iter().map(|k| f64::from(map[*k]) - f64::from(reference.heights[*k])).collect();
         Errors::of(&errors)
     })
 }
