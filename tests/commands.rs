@@ -31,6 +31,8 @@ mod memory;
 mod names;
 #[path = "commands/newcomer.rs"]
 mod newcomer;
+#[path = "commands/on_a_map.rs"]
+mod on_a_map;
 #[path = "commands/other_trainers.rs"]
 mod other_trainers;
 #[path = "commands/others_files.rs"]

@@ -13,6 +13,8 @@ mod lidar;
 mod opencv;
 #[path = "world/sparse.rs"]
 mod sparse;
+#[path = "world/survey.rs"]
+mod survey;
 #[path = "world/truth.rs"]
 mod truth;
 

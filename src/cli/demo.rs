@@ -31,7 +31,8 @@ Examples:
 Effects: jpeg, observation-noise, outliers, pose-noise, exposure, sensor-noise, shadows, reflections, vegetation, \
 vehicles, masts, wires, text, repeats, plain, water.
 
-Written to DIR: images/ and sparse/0/; the truth for undistorted pictures in depth/, normal/ and clean/; offpath/ \
+Written to DIR: images/, with positions in EXIF, and sparse/0/; ground control points in gcp_list.txt, and the true \
+place on a map in frame.json; the truth for undistorted pictures in depth/, normal/ and clean/; offpath/ \
 with views from elsewhere; lidar.las, lidar.ply, surface.ply; world.toml with every parameter; and trained/.")]
 pub(crate) struct Args {
     /// Folder for the scene; the trained model goes to DIR/trained
@@ -112,6 +113,15 @@ fn make(args: &Args, params: &WorldParams, console: &Console) -> anyhow::Result<
         counted(summary.offpath, "view"),
         counted(summary.lidar, "laser point"),
         duration(begin.elapsed().as_secs_f64()),
+    ));
+    let survey = &params.survey;
+    console.say(format_args!(
+        "positions in EXIF, to {} m in the plane and {} m of height; {} in gcp_list.txt, to {} m; in {}",
+        survey.gps_horizontal,
+        survey.gps_vertical,
+        counted(summary.control_points, "ground control point"),
+        survey.control_noise,
+        summary.system,
     ));
     Ok(summary)
 }

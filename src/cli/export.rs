@@ -14,12 +14,13 @@ use psrgs_vk::format::splats::spz::Version;
 use psrgs_vk::format::splats::{self, Choice, Format};
 use psrgs_vk::format::{atomic, ply};
 use psrgs_vk::numbers::{counted, fraction, grouped};
-use psrgs_vk::scene::{self, Camera};
+use psrgs_vk::scene::{self, Camera, MapFrame};
 use psrgs_vk::train::settings::HostChoice;
 
 use super::console::{self, Console};
 use super::exit::Failure;
 use super::look_args::{SceneArgs, StrictArgs};
+use super::map_frame;
 use super::model_file::ModelFile;
 use super::model_frame::ModelFrame;
 pub(crate) use options::opacity;
@@ -95,11 +96,12 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let up = up(args, &model, dataset.as_ref())?;
     let chosen = chosen(args, model.model(), console)?;
     let turned = Turned::new(&chosen, args.center, up);
+    let map = map_frame::of_model(&args.model, &args.scene.frame, console);
     make_folders(args, &files)?;
     let degree = args.sh_degree.unwrap_or(3).min(chosen.sh_degree);
     let mut rows = Vec::new();
     for (format, file) in &files {
-        rows.push(written(&turned, *format, file, degree, console)?);
+        rows.push(written(&turned, map.as_ref(), *format, file, degree, console)?);
     }
     if let Some(dataset) = dataset {
         let mut scorer = Scorer::new(args, dataset, console)?;
@@ -212,11 +214,18 @@ fn up(args: &Args, model: &ModelFile, dataset: Option<&Dataset>) -> Result<Optio
 }
 
 /// Writes a file, and tells its size and where its coordinates are.
-fn written(turned: &Turned, format: Format, file: &Path, degree: u32, console: &Console) -> anyhow::Result<Row> {
+fn written(
+    turned: &Turned,
+    map: Option<&MapFrame>,
+    format: Format,
+    file: &Path,
+    degree: u32,
+    console: &Console,
+) -> anyhow::Result<Row> {
     let before = Instant::now();
     format.write(file, &turned.model, degree)?;
     let seconds_write = before.elapsed().as_secs_f64();
-    let beside = turned.write_beside(file, format.holds_shift())?;
+    let beside = turned.write_beside(file, format.holds_shift(), map)?;
     let splats = turned.model.gaussians.len();
     let bytes = std::fs::metadata(file).map(|m| m.len()).unwrap_or(0);
     let degree = if format == Format::Splat { 0 } else { degree };
@@ -232,6 +241,10 @@ fn written(turned: &Turned, format: Format, file: &Path, degree: u32, console: &
     if beside {
         let frame = file_beside(file);
         console.say(format_args!("where the model belongs is told by {}: keep it beside the model", frame.display()));
+        if let Some(map) = map {
+            let code = map.epsg.map(|code| format!(" (EPSG:{code})")).unwrap_or_default();
+            console.say(format_args!("with the matrix to {}{code}, heights above: {}", map.system, map.heights));
+        }
     } else if turned.model.shift != [0.0; 3] {
         let [x, y, z] = turned.model.shift;
         console.say(format_args!("coordinates are the dataset's less {x} {y} {z}, which the file tells"));

@@ -24,6 +24,7 @@ mod interrupt;
 mod live_page;
 mod look_args;
 mod lpips;
+mod map_frame;
 mod model_file;
 mod model_frame;
 mod model_page;

@@ -51,6 +51,17 @@ pub enum WorldError {
         /// The cause.
         source: image::ImageError,
     },
+    /// The position of a photograph could not be encoded.
+    #[error("cannot write the position in the photograph {path}: {source}")]
+    Geotag {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: exif::Error,
+    },
+    /// The world lies on no map.
+    #[error(transparent)]
+    Map(#[from] crate::geodesy::Error),
     /// Ground truth could not be written.
     #[error(transparent)]
     File(#[from] crate::format::Error),

@@ -24,6 +24,7 @@ mod params;
 mod photograph;
 mod site;
 mod surface;
+mod survey;
 mod tie_points;
 
 pub use effects::{Effect, Effects};
@@ -35,6 +36,7 @@ pub use lidar::{Class, LidarPoint};
 pub use output::{Progress, Stage, Summary, generate};
 pub use params::{CameraKind, LidarParams, WorldParams};
 pub use photograph::{RenderedView, Truth};
+pub use survey::SurveyParams;
 pub use tie_points::TiePoint;
 
 use glam::{DVec3, Vec3};

@@ -4,14 +4,17 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
+use image::codecs::png::PngEncoder;
+use image::{ImageEncoder, ImageError, ImageResult, RgbImage};
 
 use super::{Truth, World, WorldError, WorldParams, WorldView, colmap, lidar};
-use crate::format::{atomic, image_out};
+use crate::format::{FRAME_FILE, atomic, image_out};
 
 /// The file with the parameters.
 const PARAMETERS: &str = "world.toml";
+/// The file with the ground control points.
+const CONTROL_POINTS: &str = "gcp_list.txt";
 
 /// A stage of the generation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,11 +59,17 @@ pub struct Summary {
     pub lidar: usize,
     /// Triangles of the surface.
     pub triangles: usize,
+    /// Ground control points.
+    pub control_points: usize,
+    /// The reference system of the control points.
+    pub system: String,
 }
 
 /// Generates a world and writes its dataset to `dir`:
 ///
-/// - `images/NAME.jpg` (or PNG), the photographs, and `sparse/0/`, cameras and points as COLMAP reconstructs them;
+/// - `images/NAME.jpg` (or PNG), the photographs with positions in EXIF, and `sparse/0/`, cameras and points as COLMAP
+///   reconstructs them;
+/// - `gcp_list.txt`, ground control points in OpenDroneMap's format, and `frame.json`, the true place on a map;
 /// - for the pixels of the undistorted images `depth/NAME.exr` (channel Z, depth along the optical axis in metres at
 ///   pixel centres, 0 for sky), `normal/NAME.exr` (N.X, N.Y, N.Z in the camera frame, towards the camera) and
 ///   `clean/NAME.png`, without noise and with the nominal exposure;
@@ -83,7 +92,10 @@ pub fn generate(params: &WorldParams, dir: &Path, progress: &mut dyn FnMut(Progr
     for (k, view) in (0..).zip(views) {
         progress(Progress { stage: Stage::Photographs, done: k, total: views.len() as u32 });
         let shot = world.shot(view, k);
-        write_photograph(&tree.images.join(&view.name), &shot.photograph, params.effects.jpeg_quality)?;
+        let file = tree.images.join(&view.name);
+        let position = world.geotag(k, view.camera.center());
+        let position = position.map_err(|source| WorldError::Geotag { path: file.clone(), source })?;
+        write_photograph(&file, &shot.photograph, params.effects.jpeg_quality, position)?;
         write_png(&dir.join("clean").join(view.file("png")), &shot.clean)?;
         tree.write_truth(view, &shot.truth)?;
         spots.push(world.spots(&shot.photograph));
@@ -96,6 +108,10 @@ pub fn generate(params: &WorldParams, dir: &Path, progress: &mut dyn FnMut(Progr
     }
     atomic::write(&tree.sparse.join("images.bin"), |out| colmap::write_images(out, views, &points))?;
     atomic::write(&tree.sparse.join("points3D.bin"), |out| colmap::write_points(out, views.len(), &points))?;
+    let control_points = world.control_points();
+    let text = world.control_file(&control_points)?;
+    atomic::write(&dir.join(CONTROL_POINTS), |out| out.write_all(text.as_bytes()))?;
+    world.frame_file()?.write(&dir.join(FRAME_FILE))?;
     progress(Progress { stage: Stage::Points, done: 1, total: 1 });
 
     let total = world.offpath().len() as u32 + 2;
@@ -129,6 +145,8 @@ pub fn generate(params: &WorldParams, dir: &Path, progress: &mut dyn FnMut(Progr
         offpath: world.offpath().len(),
         lidar: echoes.len(),
         triangles: mesh.triangles.len(),
+        control_points: control_points.len(),
+        system: world.georeference()?.system().map(ToString::to_string).unwrap_or_default(),
     })
 }
 
@@ -158,6 +176,8 @@ fn has_world(dir: &Path) -> Result<bool, WorldError> {
         "lidar.las",
         "lidar.ply",
         "surface.ply",
+        CONTROL_POINTS,
+        FRAME_FILE,
     ];
     match written.iter().map(|name| dir.join(name)).find(|path| path.symlink_metadata().is_ok()) {
         Some(path) => Err(WorldError::Taken { path }),
@@ -236,13 +256,18 @@ fn write_png(path: &Path, picture: &RgbImage) -> Result<(), WorldError> {
     Ok(image_out::write_png(path, picture.width(), picture.height(), picture.as_raw())?)
 }
 
-fn write_photograph(path: &Path, photograph: &RgbImage, quality: u8) -> Result<(), WorldError> {
-    if quality == 0 {
-        return write_png(path, photograph);
-    }
+fn write_photograph(path: &Path, photograph: &RgbImage, quality: u8, exif: Vec<u8>) -> Result<(), WorldError> {
+    let failed = |source| WorldError::Photograph { path: path.into(), source };
     let mut bytes = Vec::new();
-    photograph
-        .write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, quality))
-        .map_err(|source| WorldError::Photograph { path: path.into(), source })?;
+    if quality == 0 {
+        encoded(PngEncoder::new(&mut bytes), photograph, exif).map_err(failed)?;
+    } else {
+        encoded(JpegEncoder::new_with_quality(&mut bytes, quality), photograph, exif).map_err(failed)?;
+    }
     Ok(atomic::write(path, |out| out.write_all(&bytes))?)
+}
+
+fn encoded(mut encoder: impl ImageEncoder, photograph: &RgbImage, exif: Vec<u8>) -> ImageResult<()> {
+    encoder.set_exif_metadata(exif).map_err(ImageError::Unsupported)?;
+    photograph.write_with_encoder(encoder)
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Effects, WorldError};
+use super::{Effects, SurveyParams, WorldError};
 
 /// All parameters of a world. Equal parameters give equal files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,6 +41,8 @@ pub struct WorldParams {
     pub min_views: u32,
     /// The flight of a laser scanner.
     pub lidar: LidarParams,
+    /// The place on Earth, and what is measured of it.
+    pub survey: SurveyParams,
     /// Effects that make the world hard to reconstruct.
     pub effects: Effects,
 }
@@ -100,6 +102,7 @@ impl Default for WorldParams {
             pixels_per_point: 200,
             min_views: 3,
             lidar: LidarParams::default(),
+            survey: SurveyParams::default(),
             effects: Effects::default(),
         }
     }
@@ -142,6 +145,7 @@ impl WorldParams {
         within("lidar.strip_distance", self.lidar.strip_distance, 0.0, 2.0)?;
         within("lidar.coverage", self.lidar.coverage, 0.1, 4.0)?;
         within("lidar.water_returns", self.lidar.water_returns, 0.0, 1.0)?;
+        self.survey.validate()?;
         self.effects.validate()
     }
 }

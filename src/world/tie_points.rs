@@ -94,7 +94,7 @@ impl World {
     }
 
     /// The position of a world point in a camera's photograph, in pixels, and its depth; `None` outside the photograph.
-    fn seen_at(&self, camera: &Camera, point: DVec3) -> Option<(DVec2, f64)> {
+    pub(super) fn seen_at(&self, camera: &Camera, point: DVec3) -> Option<(DVec2, f64)> {
         let (straight, depth) = project(camera, point)?;
         let (at, [width, height]) = match &self.optics {
             None => (straight, [camera.width, camera.height]),

@@ -7,6 +7,7 @@ mod common;
 mod depths;
 mod formats;
 mod frame;
+mod georeference;
 mod lenses;
 mod masks;
 mod names;

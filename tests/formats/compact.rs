@@ -276,7 +276,7 @@ fn models_that_were_moved_and_turned_come_back_to_their_dataset() {
             let file = folder.path().join(format!("a.{}", format.extension()));
             let turned = Turned::new(&written, centred, up);
             format.write(&file, &turned.model, 3).expect("written");
-            let beside = turned.write_beside(&file, format.holds_shift()).expect("written");
+            let beside = turned.write_beside(&file, format.holds_shift(), None).expect("written");
             assert_eq!(beside, up.is_some() || !format.holds_shift(), "{format:?}");
             assert_eq!(placement::file_beside(&file).is_file(), beside, "an old file is removed");
             let placed = splats::read_placed(&file, true).expect("read");

@@ -18,7 +18,7 @@ const WRONG_TIMES: f64 = 6.0;
 /// Rays at a smaller angle than this meet nowhere.
 const LEAST_DEGREES: f64 = 0.5;
 /// Residual, in sizes of a pixel on the ground, below which no point is called wrong.
-const LEAST: f64 = 3.0;
+const LEAST: f64 = 0.7;
 
 /// The ray of a mark, in dataset coordinates.
 struct Ray<'a> {

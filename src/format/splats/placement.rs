@@ -6,13 +6,14 @@ use serde_json::json;
 
 use crate::format::ply::Model;
 use crate::format::{Error, atomic, read_transform};
-use crate::scene::{self, Similarity};
+use crate::scene::{self, MapFrame, Similarity};
 
 /// Ending of the name of the file beside a model.
 const BESIDE: &str = ".frame.json";
 
 /// The file beside a model, `NAME.frame.json`, that leads from dataset coordinates to those of the model: an object
-/// with `transform`, a 4x4 matrix, and `scale`.
+/// with `transform`, a 4x4 matrix, and `scale`. Where the dataset's place on a map is known, `file_to_map` is the 4x4
+/// matrix from the numbers in the model's file to the map, and `map` the way from the dataset, as in `frame.json`.
 pub fn file_beside(model: &Path) -> PathBuf {
     let mut name = model.file_name().unwrap_or_default().to_owned();
     name.push(BESIDE);
@@ -47,22 +48,36 @@ impl Turned {
     }
 
     /// Writes the file beside a model, or removes an old one where dataset and file have the same coordinates or the
-    /// model's file holds the shift (`holds_shift`). The result says whether there is one.
-    pub fn write_beside(&self, file: &Path, holds_shift: bool) -> Result<bool, Error> {
+    /// model's file holds the shift (`holds_shift`), and no map is known. The result says whether there is one.
+    pub fn write_beside(&self, file: &Path, holds_shift: bool, map: Option<&MapFrame>) -> Result<bool, Error> {
         let beside = file_beside(file);
         let told = holds_shift && self.to_file.rotation == Similarity::IDENTITY.rotation;
-        if told || self.to_file == Similarity::IDENTITY {
+        // Readers add the shift that the model's file holds, and then go by the matrix.
+        let matrix = if told { Similarity::IDENTITY } else { self.to_file };
+        let Some(text) = text(&matrix, &self.to_file, map) else {
             return match std::fs::remove_file(&beside) {
                 Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(&beside, "remove")(e)),
                 _ => Ok(false),
             };
-        }
-        let Similarity { rotation: r, translation: t, .. } = self.to_file;
-        let row = |k: usize| [r[k][0], r[k][1], r[k][2], t[k]];
-        let text = json!({"transform": [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]], "scale": self.to_file.scale});
+        };
         atomic::write(&beside, |out| writeln!(out, "{text:#}"))?;
         Ok(true)
     }
+}
+
+/// The content of the file beside a model; `None` where there is nothing to say.
+fn text(matrix: &Similarity, to_file: &Similarity, map: Option<&MapFrame>) -> Option<serde_json::Value> {
+    let unscaled = Similarity { scale: 1.0, ..*matrix }.rows();
+    let transform = json!({"transform": unscaled, "scale": matrix.scale});
+    let Some(map) = map else { return (*matrix != Similarity::IDENTITY).then_some(transform) };
+    let [a, b, c, _] = map.dataset_to_map;
+    let mut text = transform;
+    // A record that is no similarity was changed by hand.
+    if let Ok(to_map) = Similarity::from_rows(&[a, b, c]) {
+        text["file_to_map"] = json!(to_file.inverse().then(&to_map).rows());
+        text["map"] = json!(map);
+    }
+    Some(text)
 }
 
 /// The model in dataset coordinates less its shift, by the file beside it, if there is one.

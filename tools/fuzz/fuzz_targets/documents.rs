@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 use libfuzzer_sys::fuzz_target;
 use psrgs_vk::eval::Metrics;
 use psrgs_vk::format::{ExposureFile, FrameFile, read_transform};
+use psrgs_vk::geodesy::Georeference;
 use psrgs_vk::world::WorldParams;
 use psrgs_vk_fuzz::{Scratch, begin, choice, seeds, within};
 
@@ -19,6 +20,9 @@ fuzz_target!(init: begin(seeds::documents::beside_models), |data: &[u8]| {
             if let Ok(frame) = FrameFile::read(&file) {
                 frame.write(&file).expect("a frame that was read can be written");
                 assert_eq!(FrameFile::read(&file).expect("and read again"), frame);
+                if let Some(map) = &frame.map {
+                    drop(Georeference::of_record(map, frame.coordinates.as_ref()).map(|found| found.to_map([1.0; 3])));
+                }
             }
         }
         1 => {

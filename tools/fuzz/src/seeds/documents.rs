@@ -1,7 +1,8 @@
 //! Settings, and the small JSON files beside a model.
 
 use psrgs_vk::format::FrameFile;
-use psrgs_vk::scene::Frame;
+use psrgs_vk::geodesy::Georeference;
+use psrgs_vk::scene::{Coordinates, Frame, Geodetic};
 use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::{Background, ByteSize, Exposure, Split};
 use serde_json::json;
@@ -29,6 +30,10 @@ pub fn settings() -> Vec<Vec<u8>> {
 /// `frame.json`, transforms, exposures, metrics and the parameters of a world. The first byte chooses.
 pub fn beside_models() -> Vec<Vec<u8>> {
     let frame = FrameFile::new(Frame { offset: [5e5, 4.6e6, 100.0], scale: 0.25 }, None);
+    let origin = Geodetic { latitude: 47.65, longitude: 10.3, altitude: 740.0 };
+    let coordinates = Coordinates::EastNorthUp { origin };
+    let map = Georeference::of_coordinates(&coordinates, None).expect("a zone").record([1.0, 2.0, 3.0]);
+    let placed = FrameFile::new(Frame::IDENTITY, Some(coordinates)).with_map(map);
     let rows = json!([[0.0, -2.0, 0.0, 5.0], [2.0, 0.0, 0.0, -1.0], [0.0, 0.0, 2.0, 0.5], [0.0, 0.0, 0.0, 1.0]]);
     let score = json!({"name": "a.png", "psnr": 20.5, "ssim": 0.75, "gmsd": null});
     let metrics = json!({
@@ -38,6 +43,7 @@ pub fn beside_models() -> Vec<Vec<u8>> {
     });
     vec![
         chosen(0, serde_json::to_vec(&frame).expect("a frame as JSON")),
+        chosen(0, serde_json::to_vec(&placed).expect("a frame as JSON")),
         chosen(1, rows.to_string()),
         chosen(1, json!({"transform": rows, "scale": 0.5}).to_string()),
         chosen(2, json!({"a.png": [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]}).to_string()),
