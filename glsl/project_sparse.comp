@@ -32,10 +32,10 @@ bool may_be_seen(Camera camera, vec3 across, vec3 down, float deviations, uint i
     const vec3 log_scale = LOAD3(scales, i);
     const bool known = finite(mean) && finite(log_scale) && finite(LOAD4(quats, i)) && finite(opacities[i]);
     const vec3 p = to_camera(camera, mean);
-    const vec2 free = p.xy / p.z;
-    const vec2 ratio = clamp(free, camera.limits.xz, camera.limits.yw);
-    const vec2 at = camera.focal * free + camera.principal;
-    const vec2 spread = camera.focal / p.z * exp(max(log_scale.x, max(log_scale.y, log_scale.z)));
+    const vec3 at_pivot = pivot(p);
+    const vec2 ratio = clamp(at_pivot.xy / at_pivot.z, camera.limits.xz, camera.limits.yw);
+    const vec2 at = on_image(camera, p);
+    const vec2 spread = camera.focal / at_pivot.z * exp(max(log_scale.x, max(log_scale.y, log_scale.z)));
     const vec2 variance = vec2(most_variance(across, ratio.x, spread.x), most_variance(down, ratio.y, spread.y));
     const vec2 reach = deviations * sqrt(variance) + 1.0;
     // Written so that the test is true for non-finite values.

@@ -25,7 +25,7 @@ pub use report::{
     Curve, CurveForm, DepthMap, Interactive, REPORT_BYTES, ReportData, ReportError, StagePanel, ViewPanel, is_report,
     render_report, write_report,
 };
-pub use seen::SeenPixels;
+pub use seen::{Counting, SeenPixels};
 pub use ssim::{psnr, psnr_where, ssim, ssim_where};
 pub use texture::psnr_high_frequency;
 pub use training_photographs::{TrainingPhotograph, TrainingScores, median_loss, misfits, worst_first};

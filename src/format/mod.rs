@@ -10,6 +10,7 @@ pub(crate) mod foreign;
 mod frame_file;
 #[cfg(feature = "html-viewer")]
 pub mod html;
+pub mod geotiff;
 pub mod image_out;
 pub mod las;
 mod left_out;

@@ -57,6 +57,10 @@ pub struct Projection {
     /// The range of [`clamp_limits`]; `None` for the range of the camera itself. A window needs the range of its whole
     /// image.
     pub limits: Option<[f64; 4]>,
+    /// Whether rays are parallel to the camera's z axis, as those of a map. Focal lengths are then pixels per scene unit,
+    /// a splat lies at `(fx x + cx, fy y + cy)`, and the principal point must be whole numbers, so that pictures of
+    /// windows have the pixels of the whole. For renders only: such a view has no gradients.
+    pub orthographic: bool,
     /// Alpha cutoff n: a splat is skipped at a pixel where its alpha is below 1 / n. `None` stands for 255.
     pub alpha_cutoff: Option<u32>,
 }
@@ -70,6 +74,7 @@ impl Default for Projection {
             reference_clamp: false,
             black_learns: false,
             limits: None,
+            orthographic: false,
             alpha_cutoff: None,
         }
     }
@@ -85,6 +90,15 @@ pub fn clamp_limits(camera: &Camera) -> [f64; 4] {
     let [x0, x1] = axis(camera.width, camera.fx, camera.cx);
     let [y0, y1] = axis(camera.height, camera.fy, camera.cy);
     [x0, x1, y0, y1]
+}
+
+/// The range of a projection. Parallel rays have ratios of 0 alone.
+pub(crate) fn limits(camera: &Camera, projection: &Projection) -> [f64; 4] {
+    match projection.limits {
+        _ if projection.orthographic => [-1.0, 1.0, -1.0, 1.0],
+        Some(limits) => limits,
+        None => clamp_limits(camera),
+    }
 }
 
 impl CameraPush {
@@ -104,7 +118,7 @@ impl CameraPush {
             row2: row(2),
             center: [c[0] as f32, c[1] as f32, c[2] as f32, projection.near as f32],
             intrinsics: [camera.fx as f32, camera.fy as f32, camera.cx as f32, camera.cy as f32],
-            limits: projection.limits.unwrap_or_else(|| clamp_limits(camera)).map(|x| x as f32),
+            limits: limits(camera, projection).map(|x| x as f32),
             width: camera.width,
             height: camera.height,
             sh_degree: projection.sh_degree.min(3),

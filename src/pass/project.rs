@@ -31,6 +31,7 @@ const fn pass(name: &'static str, local_size: u32, doc: &'static str, dispatch: 
                 Constant { id: 0, name: "TILE_W", default: 16 },
                 Constant { id: 1, name: "TILE_H", default: 16 },
                 Constant { id: 2, name: "AUX", default: 0 },
+                Constant { id: 3, name: "ORTHOGRAPHIC", default: 0 },
                 ALPHA_MIN,
             ],
             local_size: Some(local_size),
@@ -48,7 +49,7 @@ pub const PASS: Pass = pass(
     "project",
     64,
     "One thread owns one splat; a workgroup owns 64 consecutive splats. EWA projection, SH colour, tile count (0 = \
-     culled, nothing else is written then), normals when AUX = 1; splats with non-finite parameters are counted and \
+     culled, nothing else is written then), normals when AUX = 1, parallel rays when ORTHOGRAPHIC = 1; splats with non-finite parameters are counted and \
      culled.",
     PER_SPLAT,
 );

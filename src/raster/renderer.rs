@@ -94,16 +94,25 @@ impl RenderView {
 struct ForwardPipelines {
     project: Pipeline,
     /// Constants of every variant of the projection.
-    projection: [(&'static str, u32); 4],
+    projection: [(&'static str, u32); 5],
     blend: Pipeline,
 }
 
+/// What forward pipelines are made for.
+#[derive(Clone, Copy, Default)]
+struct ForwardForm {
+    /// See [`alpha_min`].
+    cutoff: Option<u32>,
+    aux: bool,
+    orthographic: bool,
+}
+
 impl ForwardPipelines {
-    /// `cutoff`: see [`alpha_min`].
-    fn new(gpu: &Gpu, variants: Variants, cutoff: Option<u32>, aux: bool, count: bool) -> Result<Self, vk::Error> {
-        let (side, aux) = (variants.tile.size(), ("AUX", u32::from(aux)));
-        let alpha_min = alpha_min::constant(cutoff);
-        let projection = [("TILE_W", side), ("TILE_H", side), aux, alpha_min];
+    fn new(gpu: &Gpu, variants: Variants, form: ForwardForm, count: bool) -> Result<Self, vk::Error> {
+        let (side, aux) = (variants.tile.size(), ("AUX", u32::from(form.aux)));
+        let alpha_min = alpha_min::constant(form.cutoff);
+        let orthographic = ("ORTHOGRAPHIC", u32::from(form.orthographic));
+        let projection = [("TILE_W", side), ("TILE_H", side), aux, orthographic, alpha_min];
         let chosen = pass_select::blend_forward(gpu, variants);
         let mut switches = vec![aux, ("COUNT", u32::from(count)), alpha_min];
         switches.extend(chosen.constants);
@@ -148,7 +157,7 @@ impl Renderer {
     /// Allocates buffers and creates pipelines for models and images of up to `size`.
     pub fn new(gpu: &Gpu, variants: Variants, size: Size) -> Result<Self, vk::Error> {
         let n = u64::from(size.splats.max(1));
-        let channels = |aux: bool| ForwardPipelines::new(gpu, variants, None, aux, size.count);
+        let channels = |aux: bool| ForwardPipelines::new(gpu, variants, ForwardForm { aux, ..ForwardForm::default() }, size.count);
         let counters = gpu.buffer("counters", 4 * counters::COUNT as u64, Memory::Device)?;
         let args = gpu.buffer("args", 16 * u64::from(ENTRIES), Memory::Device)?;
         let (splats, pairs, tiles) = (u64::from(size.splats), u64::from(size.pairs), u64::from(size.tiles));
@@ -315,11 +324,21 @@ impl Renderer {
         known: Option<&Buffer>,
         probe: &Buffer,
     ) -> Result<(), vk::Error> {
+        let lists = self.record_lists(recorder, model, view, &self.channels(view, true)?, None)?;
+        self.record_depths(recorder, &lists, view, known, probe)
+    }
+
+    fn record_depths(
+        &self,
+        recorder: &mut Recorder,
+        lists: &FrameLists<'_>,
+        view: &RenderView,
+        known: Option<&Buffer>,
+        probe: &Buffer,
+    ) -> Result<(), vk::Error> {
         let (width, height) = (view.camera.width, view.camera.height);
         let given = [("KNOWN", u32::from(known.is_some())), alpha_min::constant(view.projection.alpha_cutoff)];
         let pipeline = self.gpu.pipeline(&depth_probe::PASS.kernel, &given)?;
-        let channels = self.channels(view, true)?;
-        let lists = self.record_lists(recorder, model, view, &channels, None)?;
         // Without known depths another buffer stands for them, and is not read.
         let [splat2d, normals, known, probe] =
             slices([&self.splat2d, &self.normals, known.unwrap_or(&self.no_weights), probe]);
@@ -327,6 +346,22 @@ impl Renderer {
         let push = depth_probe::Push { width, height, side: self.variants.tile.size() };
         let groups = Groups::Workgroups(u64::from(depth_probe::groups(width, height)));
         recorder.dispatch(&pipeline, &buffers, &push, groups)
+    }
+
+    /// Renders `model` into `target` without auxiliary channels, and writes the rows of [`Self::record_probe`], without
+    /// known depths, to `probe`: both of one projection.
+    pub fn record_surface(
+        &self,
+        recorder: &mut Recorder,
+        model: &Planes,
+        view: &RenderView,
+        target: &Target,
+        probe: &Buffer,
+    ) -> Result<(), vk::Error> {
+        let lists = self.record_lists(recorder, model, view, &self.channels(view, true)?, None)?;
+        let blend = self.channels(view, false)?.blend;
+        self.record_blend(recorder, &blend, &lists, view, target, &self.no_weights)?;
+        self.record_depths(recorder, &lists, view, None, probe)
     }
 
     /// Like [`Self::record_forward`]. With `subset`, renders only the splats of a part of the model.
@@ -347,10 +382,11 @@ impl Renderer {
 
     fn channels(&self, view: &RenderView, aux: bool) -> Result<ForwardPipelines, vk::Error> {
         let aux = aux && self.with_aux;
-        match view.projection.alpha_cutoff {
-            cutoff @ Some(_) => ForwardPipelines::new(&self.gpu, self.variants, cutoff, aux, self.counts),
-            None => Ok(if aux { &self.all } else { &self.colour }.clone()),
+        let Projection { alpha_cutoff: cutoff, orthographic, .. } = view.projection;
+        if cutoff.is_none() && !orthographic {
+            return Ok(if aux { &self.all } else { &self.colour }.clone());
         }
+        ForwardPipelines::new(&self.gpu, self.variants, ForwardForm { cutoff, aux, orthographic }, self.counts)
     }
 
     /// Projects `model` and builds the splat list of every tile.

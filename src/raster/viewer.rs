@@ -24,6 +24,8 @@ pub struct Viewer {
     recorded: Option<(u32, u32, bool)>,
     /// Read-back buffer for the counters of a render.
     landing: Option<Buffer>,
+    /// Rows of [`Self::surface`].
+    probed: Option<Buffer>,
 }
 
 /// A model to look at.
@@ -103,7 +105,7 @@ impl Viewer {
             count: false,
             clamp_gradient_passes: false,
         };
-        Self { gpu: gpu.clone(), variants, size, depth_bits: DEPTH_BITS, renderer: None, recorded: None, landing: None }
+        Self { gpu: gpu.clone(), variants, size, depth_bits: DEPTH_BITS, renderer: None, recorded: None, landing: None, probed: None }
     }
 
     /// Sorts splats by only the highest `bits` bits of their depth, to compare speed and error: see
@@ -239,6 +241,31 @@ impl Viewer {
             renderer.record_probe(recorder, model, view, known.as_ref(), &rows)
         })?;
         Ok(DepthProbe::new(width, height, &self.gpu.read_at(&rows, 0, 4 * pixels)?))
+    }
+
+    /// A picture of the first `splats` splats of `model` with the median depths of its pixels: both of one projection.
+    /// Waits.
+    pub fn surface(
+        &mut self,
+        model: &Planes,
+        splats: u32,
+        view: &RenderView,
+    ) -> Result<(Picture, DepthProbe), vk::Error> {
+        let (width, height) = (view.camera.width, view.camera.height);
+        let floats = 4 * width as usize * height as usize;
+        let rows = match self.probed.take().filter(|rows| rows.size() >= 4 * floats as u64) {
+            Some(rows) => rows,
+            None => self.gpu.buffer("probe", 4 * floats.max(4) as u64, Memory::Device)?,
+        };
+        self.until_it_fits(Shown { planes: model, splats, ids: None }, view, |recorder, renderer, target| {
+            renderer.record_surface(recorder, model, view, target, &rows)
+        })?;
+        let probe = DepthProbe::new(width, height, &self.gpu.read_at(&rows, 0, floats)?);
+        self.probed = Some(rows);
+        let (_, target) = self.ready(width * height)?;
+        let image = target.image.clone();
+        let rgbt = self.gpu.read_at(&image, 0, floats)?;
+        Ok((Picture { width, height, rgbt, aux: None }, probe))
     }
 
     /// Draws a model as `look` says. A part of a model without identities is the whole model. Waits.

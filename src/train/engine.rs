@@ -304,6 +304,7 @@ impl Engine {
             antialias: self.settings.model.antialias,
             reference_clamp: true,
             black_learns: self.settings.run.method.black_learns(),
+            orthographic: false,
             limits: None,
             alpha_cutoff: plan.alpha_cutoff,
         };

@@ -67,7 +67,32 @@ pub fn to_camera<R: Real>(view: &TwinCamera<R>, mean: [R; 3]) -> [R; 3] {
 /// The camera-frame centre of a splat and its projected covariance.
 pub fn geometry<R: Real>(splat: &Splat<R>, view: &TwinCamera<R>) -> ([R; 3], Ewa<R>) {
     let p = to_camera(view, splat.mean);
-    (p, projection::project(view, p, splat.quat, splat.log_scale))
+    (p, projection::project(view, pivot(view, p), splat.quat, splat.log_scale))
+}
+
+/// Parts of a pixel to which positions under parallel rays are rounded.
+pub const PIXEL_STEPS: f64 = 1024.0;
+
+/// The camera-frame point at which the Jacobian is taken: under parallel rays that of a point on the axis.
+fn pivot<R: Real>(view: &TwinCamera<R>, p: [R; 3]) -> [R; 3] {
+    if view.orthographic { [R::zero(), R::zero(), R::one()] } else { p }
+}
+
+/// Position on the image of a camera-frame point.
+fn on_image<R: Real>(view: &TwinCamera<R>, p: [R; 3]) -> [R; 2] {
+    let steps = R::of(PIXEL_STEPS);
+    std::array::from_fn(|k| match view.orthographic {
+        true => round_even(view.focal[k] * p[k] * steps) / steps + view.principal[k],
+        false => view.focal[k] * (p[k] / p[2]) + view.principal[k],
+    })
+}
+
+/// Rounds to the nearest whole number, and halves to the even one.
+fn round_even<R: Real>(x: R) -> R {
+    let down = x.floor();
+    let (half, two) = (R::of(0.5), R::of(2.0));
+    let odd = (down / two).floor() * two != down;
+    if x - down > half || (x - down == half && odd) { down + R::one() } else { down }
 }
 
 /// Projects one splat. Without a grid, splats off screen are not culled and tiles are not counted.
@@ -85,8 +110,8 @@ pub fn project<R: Real>(
     if p[2].is_nan() || p[2] <= view.near {
         return Err(Culled::Near);
     }
-    let e = projection::project(view, p, splat.quat, splat.log_scale);
-    let mean = std::array::from_fn(|k| view.focal[k] * (p[k] / p[2]) + view.principal[k]);
+    let e = projection::project(view, pivot(view, p), splat.quat, splat.log_scale);
+    let mean = on_image(view, p);
     let mut opacity = projection::sigmoid(splat.logit)[0];
     if view.antialias {
         opacity *= e.compensation;
@@ -100,7 +125,7 @@ pub fn project<R: Real>(
     if grid.is_some() && tiles == 0 {
         return Err(Culled::OffScreen);
     }
-    let (dir, _) = direction(splat, view);
+    let dir = if view.orthographic { view.rotation[2] } else { direction(splat, view).0 };
     let y = sh::basis(dir, view.sh_degree);
     let used = sh::coefficients(view.sh_degree);
     let colour: [R; 3] = std::array::from_fn(|c| (0..used).fold(R::of(0.5), |sum, k| sum + y[k] * splat.sh[k][c]));
@@ -108,7 +133,7 @@ pub fn project<R: Real>(
         return Err(Culled::Bad);
     }
     let axis = projection::shortest_axis(splat.log_scale);
-    let (normal, _) = projection::normal(view, p, &e.rot, axis);
+    let (normal, _) = projection::normal(view, pivot(view, p), &e.rot, axis);
     let colour = colour.map(|v| v.max(R::zero()));
     let slope = projection::depth_slope(&e);
     Ok(Projected { mean, conic: e.conic, rest: e.rest, opacity, depth: p[2], slope, colour, normal, tiles })
@@ -133,7 +158,7 @@ pub fn run_half(call: &mut TwinCall<'_>) {
 
 fn run_with(call: &mut TwinCall<'_>, model_of: fn(&TwinCall<'_>, usize, usize) -> Gaussians) {
     let push: CameraPush = call.push();
-    let view = TwinCamera::<f32>::of(&push);
+    let view = TwinCamera::<f32> { orthographic: call.constants[3] != 0, ..TwinCamera::of(&push) };
     let mut counts = call.get::<u32>(0);
     let n = (call.groups as usize * 64).min(counts[counters::SPLATS] as usize);
     let full = counters::full_rows(&counts);
@@ -142,7 +167,7 @@ fn run_with(call: &mut TwinCall<'_>, model_of: fn(&TwinCall<'_>, usize, usize) -
     let mut tile_counts = call.get::<u32>(10);
     let mut normals = call.get::<[f32; 4]>(11);
     let tile = [call.constants[0], call.constants[1]];
-    let grid = TileGrid { alpha_min: f32::from_bits(call.constants[3]), ..TileGrid::new(view.size, tile) };
+    let grid = TileGrid { alpha_min: f32::from_bits(call.constants[4]), ..TileGrid::new(view.size, tile) };
     let aux = call.constants[2] != 0;
     for i in 0..n {
         match project(&Splat::of(&model, i), &view.of_row(i < full), Some(&grid)) {

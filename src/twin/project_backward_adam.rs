@@ -39,6 +39,7 @@ pub fn view<R: Real>(push: &Push) -> TwinCamera<R> {
         antialias: push.flags & ANTIALIAS != 0,
         reference_clamp: push.flags & REFERENCE_CLAMP != 0,
         black_learns: push.flags & BLACK_LEARNS != 0,
+        orthographic: false,
     }
 }
 

@@ -3,7 +3,7 @@
 use half::f16;
 
 use super::{Real, TwinCall};
-use crate::pass::camera::{ANTIALIAS, BLACK_LEARNS, CameraPush, Projection, REFERENCE_CLAMP, clamp_limits};
+use crate::pass::camera::{ANTIALIAS, BLACK_LEARNS, CameraPush, Projection, REFERENCE_CLAMP, limits};
 use crate::scene::{Camera, Gaussians, SH_GROUP_FLOATS, SH_GROUPS};
 
 /// Parameters of one splat: 3 + 4 + 3 + 1 + 48 = 59 numbers.
@@ -102,7 +102,7 @@ pub struct TwinCamera<R> {
     pub focal: [R; 2],
     /// Principal point in pixels.
     pub principal: [R; 2],
-    /// See [`clamp_limits`].
+    /// See [`crate::pass::camera::clamp_limits`].
     pub limits: [R; 4],
     /// Image size in pixels.
     pub size: [u32; 2],
@@ -114,6 +114,8 @@ pub struct TwinCamera<R> {
     pub reference_clamp: bool,
     /// See [`Projection::black_learns`].
     pub black_learns: bool,
+    /// See [`Projection::orthographic`].
+    pub orthographic: bool,
 }
 
 impl<R: Real> TwinCamera<R> {
@@ -125,7 +127,7 @@ impl<R: Real> TwinCamera<R> {
         Self { sh_degree: if full { self.sh_degree } else { self.sh_degree.min(1) }, ..*self }
     }
 
-    /// From the push constants.
+    /// From the push constants, with perspective.
     pub fn of(push: &CameraPush) -> Self {
         let r = |x: f32| R::of(f64::from(x));
         let rows = [push.row0, push.row1, push.row2];
@@ -142,6 +144,7 @@ impl<R: Real> TwinCamera<R> {
             antialias: push.flags & ANTIALIAS != 0,
             reference_clamp: push.flags & REFERENCE_CLAMP != 0,
             black_learns: push.flags & BLACK_LEARNS != 0,
+            orthographic: false,
         }
     }
 
@@ -154,12 +157,13 @@ impl<R: Real> TwinCamera<R> {
             near: R::of(projection.near),
             focal: [R::of(camera.fx), R::of(camera.fy)],
             principal: [R::of(camera.cx), R::of(camera.cy)],
-            limits: clamp_limits(camera).map(R::of),
+            limits: limits(camera, projection).map(R::of),
             size: [camera.width, camera.height],
             sh_degree: projection.sh_degree,
             antialias: projection.antialias,
             reference_clamp: projection.reference_clamp,
             black_learns: projection.black_learns,
+            orthographic: projection.orthographic,
         }
     }
 }

@@ -5,6 +5,7 @@
 mod common;
 mod constrained;
 mod geometry;
+mod orthographic;
 mod shortcuts;
 mod windows;
 

@@ -66,6 +66,7 @@ fn gradients(gpu: &Gpu, tile: TileShape, views: &Views, cropped: bool) -> ([Vec<
             antialias: false,
             reference_clamp: true,
             black_learns: false,
+            orthographic: false,
             limits: None,
             alpha_cutoff: None,
         };

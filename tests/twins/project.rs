@@ -9,7 +9,7 @@ use psrgs_vk::pass::{
 };
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::scene::tile::{self, ALPHA_MIN, TileGrid};
-use psrgs_vk::twin::project::{Culled, Projected, project};
+use psrgs_vk::twin::project::{Culled, PIXEL_STEPS, Projected, project};
 use psrgs_vk::twin::splat::{PARAMETERS, Splat, TwinCamera};
 use psrgs_vk::vk::{Gpu, Subgroup};
 
@@ -53,6 +53,9 @@ impl<'a> Case<'a> {
 
 fn dispatch(gpu: &Gpu, case: &Case<'_>) -> Outcome {
     let mut constants = vec![("TILE_W", case.tile[0]), ("TILE_H", case.tile[1]), ("AUX", u32::from(case.aux))];
+    if case.projection.orthographic {
+        constants.push(("ORTHOGRAPHIC", 1));
+    }
     if case.alpha_min != ALPHA_MIN {
         constants.push(("ALPHA_MIN", case.alpha_min.to_bits()));
     }
@@ -97,11 +100,18 @@ fn undecided(splat: &Splat<f64>, view: &TwinCamera<f64>, grid: &TileGrid) -> boo
     near || moved || faint
 }
 
+/// Whether rounding picks the step of a pixel that a position under parallel rays is rounded to.
+fn between_steps(splat: &Splat<f64>, view: &TwinCamera<f64>) -> bool {
+    let p = psrgs_vk::twin::project::to_camera(view, splat.mean);
+    view.orthographic && (0..2).any(|k| ((view.focal[k] * p[k] * PIXEL_STEPS).rem_euclid(1.0) - 0.5).abs() < 0.1)
+}
+
 /// Compares one dispatch; returns how many splats were compared.
 fn compare(gpu: &Gpu, case: &Case<'_>, what: &str) -> usize {
     let n = case.model.len();
     let outcome = dispatch(gpu, case);
-    let view = TwinCamera::<f64>::of(&scene::push(&case.projection));
+    let orthographic = case.projection.orthographic;
+    let view = TwinCamera::<f64> { orthographic, ..TwinCamera::of(&scene::push(&case.projection)) };
     let grid = case.grid(&view);
     let got = outcome.device::<[f32; 12]>(9);
     let tiles = outcome.device::<u32>(10);
@@ -137,7 +147,9 @@ fn compare(gpu: &Gpu, case: &Case<'_>, what: &str) -> usize {
     assert!(left_out * 50 <= n.max(50), "{what}: {left_out} of {n} splats undecided");
     let mut complaints = Vec::new();
     for (name, columns, size, bound) in COLUMNS {
-        let each = || pairs.iter().flat_map(|(i, p)| columns.iter().map(move |&c| (*i, c, p)));
+        let compared = |i: usize| name != "mean" || !between_steps(&Splat::of(case.model, i), &view);
+        let rows = || pairs.iter().filter(|(i, _)| compared(*i));
+        let each = || rows().flat_map(|(i, p)| columns.iter().map(move |&c| (*i, c, p)));
         let mut device: Vec<f32> = each().map(|(i, c, _)| got[i][c] + size as f32).collect();
         let twin: Vec<f64> = each().map(|(_, c, p)| p.row()[c] + size).collect();
         if name == "opacity" && case.projection.antialias {
@@ -248,6 +260,27 @@ fn skipped_sooner(gpu: &Gpu) {
     assert!(fewer.0 < all.0 && 10 * fewer.1 < 9 * all.1, "{fewer:?} of {all:?} splats and tiles");
 }
 
+/// Splats under parallel rays, and hard ones.
+fn orthographic(gpu: &Gpu) {
+    for (k, projection) in scene::settings().into_iter().enumerate() {
+        let projection = Projection { orthographic: true, ..projection };
+        let model = scene::ordinary(600, 70 + k as u64);
+        let case = Case { halved: k == 3, ..Case::new(&model, projection, [16, 16], k % 2 == 0) };
+        let steps = dispatch(gpu, &case);
+        if k != 3 {
+            let compared = compare(gpu, &case, &format!("parallel rays, {projection:?}"));
+            assert!(compared > 150, "{compared} compared");
+        }
+        let (tiles, rows) = (steps.device::<u32>(10), steps.device::<[f32; 12]>(9));
+        let on_steps = |row: &[f32; 12]| row[..2].iter().all(|v| (v * PIXEL_STEPS as f32).fract() == 0.0);
+        assert!((0..600).filter(|i| tiles[*i] > 0).all(|i| on_steps(&rows[i])), "positions between steps");
+    }
+    let model = scene::hard();
+    let projection = Projection { orthographic: true, ..Projection::default() };
+    let compared = compare(gpu, &Case::new(&model, projection, [16, 16], true), "hard splats under parallel rays");
+    assert!(compared > 100, "{compared} compared");
+}
+
 /// Half floats against coefficients in 32 bits that half floats hold exactly.
 fn halved(gpu: &Gpu) {
     for (k, mut model) in [scene::ordinary(600, 9), scene::hard()].into_iter().enumerate() {
@@ -318,6 +351,7 @@ pub fn run(gpu: &Gpu) {
     sizes(gpu);
     ordinary(gpu);
     hard(gpu);
+    orthographic(gpu);
     edges(gpu);
     skipped_sooner(gpu);
     halved(gpu);

@@ -18,6 +18,14 @@ pub fn view() -> Camera {
     camera(200, 150)
 }
 
+/// The camera of a projection: [`view`], or one of parallel rays that looks the same way.
+pub fn view_of(projection: &Projection) -> Camera {
+    match projection.orthographic {
+        true => Camera { fx: 41.3, fy: 37.7, cx: 95.0, cy: 81.0, ..view() },
+        false => view(),
+    }
+}
+
 /// Splats in f32.
 pub fn model(splats: &[Splat<f64>]) -> Gaussians {
     let mut out = Gaussians::zeros(splats.len());
@@ -121,7 +129,7 @@ pub fn project_buffers(model: &Gaussians) -> Vec<Vec<u8>> {
 
 /// The camera as push constants.
 pub fn push(projection: &Projection) -> CameraPush {
-    CameraPush::new(&view(), projection)
+    CameraPush::new(&view_of(projection), projection)
 }
 
 /// The largest slopes of the depth, along x and y, that a splat of this deviation of the depth and this conic can have.

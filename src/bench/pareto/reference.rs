@@ -39,6 +39,7 @@ impl Reference {
             antialias: false,
             reference_clamp: false,
             black_learns: false,
+            orthographic: false,
             limits: None,
             alpha_cutoff: None,
         };

@@ -34,12 +34,47 @@ struct Grid {
     cells: Vec<bool>,
 }
 
+/// Where the picture of a photograph counts: neither masked nor transparent, nor beyond what the lens has shown.
+#[derive(Clone, Debug)]
+pub struct Counting {
+    size: [f64; 2],
+    /// Everywhere without.
+    grid: Option<Grid>,
+}
+
+impl Counting {
+    /// Of a photograph, which is decoded if it may have masked pixels.
+    pub fn of(view: &View) -> Result<Self, dataset::Error> {
+        Ok(Self::with(&view.camera, Grid::counting(view)?))
+    }
+
+    /// Everywhere in the picture.
+    pub fn everywhere(camera: &Camera) -> Self {
+        Self::with(camera, None)
+    }
+
+    fn with(camera: &Camera, grid: Option<Grid>) -> Self {
+        Self { size: [f64::from(camera.width), f64::from(camera.height)], grid }
+    }
+
+    /// Whether a place, in pixels, is inside of the picture and counts.
+    pub fn at(&self, [x, y]: [f64; 2]) -> bool {
+        let [width, height] = self.size;
+        let inside = x >= 0.0 && y >= 0.0 && x < width && y < height;
+        let counts = |grid: &Grid| {
+            let cell = |at: f64, size: u32, of: f64| (at * f64::from(size) / of) as usize;
+            let (column, row) = (cell(x, grid.width, width), cell(y, grid.height, height));
+            grid.cells.get(row * grid.width as usize + column).copied().unwrap_or(false)
+        };
+        inside && self.grid.as_ref().is_none_or(counts)
+    }
+}
+
 /// A camera that is trained on.
 struct Eye {
     camera: Camera,
     center: [f64; 3],
-    /// Where its picture counts; everywhere without.
-    counting: Option<Grid>,
+    counting: Counting,
 }
 
 impl SeenPixels {
@@ -52,7 +87,7 @@ impl SeenPixels {
         let eye = |at: usize| {
             let view = train.get(at)?;
             // One that cannot be decoded is not trained on.
-            let counting = Grid::counting(view).ok()?;
+            let counting = Counting::of(view).ok()?;
             Some(Eye { camera: view.camera, center: view.camera.center(), counting })
         };
         let eyes: Vec<Eye> = share.in_turns(&costs, eye).into_iter().flatten().collect();
@@ -149,15 +184,7 @@ impl Grid {
 
 impl Eye {
     fn sees(&self, point: [f64; 3]) -> bool {
-        let Some(([x, y], _)) = projected(&self.camera, point) else { return false };
-        let camera = &self.camera;
-        let inside = x >= 0.0 && y >= 0.0 && x < f64::from(camera.width) && y < f64::from(camera.height);
-        let counts = |grid: &Grid| {
-            let cell = |at: f64, size: u32, of: u32| (at * f64::from(size) / f64::from(of)) as usize;
-            let (column, row) = (cell(x, grid.width, camera.width), cell(y, grid.height, camera.height));
-            grid.cells.get(row * grid.width as usize + column).copied().unwrap_or(false)
-        };
-        inside && self.counting.as_ref().is_none_or(counts)
+        projected(&self.camera, point).is_some_and(|(at, _)| self.counting.at(at))
     }
 }
 
@@ -190,7 +217,7 @@ mod tests {
     use crate::world::{CameraKind, LidarParams, WorldParams, generate};
 
     fn eye(camera: Camera, counting: Option<Grid>) -> Eye {
-        Eye { center: camera.center(), camera, counting }
+        Eye { center: camera.center(), camera, counting: Counting::with(&camera, counting) }
     }
 
     /// The columns of the picture that are seen, all of a column alike.

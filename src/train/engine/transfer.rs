@@ -132,6 +132,7 @@ impl Engine {
             antialias: self.settings.model.antialias,
             reference_clamp: false,
             black_learns: false,
+            orthographic: false,
             limits: None,
             alpha_cutoff: None,
         };

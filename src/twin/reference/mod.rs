@@ -23,6 +23,8 @@ pub struct Settings {
     pub near: f64,
     /// Whether opacities carry the anti-aliasing factor.
     pub antialias: bool,
+    /// Whether rays are parallel to the camera's z axis: for [`render`] alone.
+    pub orthographic: bool,
     /// Whether a colour at its lower bound has a gradient where a descent step would raise it.
     pub black_learns: bool,
     /// Colour behind everything.
@@ -40,6 +42,7 @@ impl Default for Settings {
             sh_degree: 3,
             near: 0.2,
             antialias: false,
+            orthographic: false,
             black_learns: false,
             background: [0.0; 3],
             alpha_min: 1.0 / 255.0,

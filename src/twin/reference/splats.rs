@@ -151,22 +151,28 @@ fn ellipsoid(splat: &Splat<f64>) -> Ellipsoid {
 }
 
 /// The image of an ellipsoid around a point in the camera frame.
-fn ellipse([x, y, z]: [f64; 3], sigma: &Mat3, camera: &Camera, antialias: bool) -> Ellipse {
+fn ellipse([x, y, z]: [f64; 3], sigma: &Mat3, camera: &Camera, settings: &Settings) -> Ellipse {
     let (focal, principal) = (focal(camera), principal(camera));
     let size = [f64::from(camera.width), f64::from(camera.height)];
     let free = [x / z, y / z];
     let slope: [f64; 2] = std::array::from_fn(|k| {
+        if settings.orthographic {
+            return 0.0;
+        }
         let margin = 0.3 * (size[k] / (2.0 * focal[k]));
         free[k].clamp(-principal[k] / focal[k] - margin, (size[k] - principal[k]) / focal[k] + margin)
     });
     let clamped = std::array::from_fn(|k| slope[k] != free[k]);
-    let jacobian = [[focal[0] / z, 0.0, -focal[0] * slope[0] / z], [0.0, focal[1] / z, -focal[1] * slope[1] / z]];
+    let jacobian = match settings.orthographic {
+        true => [[focal[0], 0.0, 0.0], [0.0, focal[1], 0.0]],
+        false => [[focal[0] / z, 0.0, -focal[0] * slope[0] / z], [0.0, focal[1] / z, -focal[1] * slope[1] / z]],
+    };
     let t = product(&jacobian, &camera.rotation);
     let before = product(&product(&t, sigma), &transposed(&t));
     let after = [[before[0][0] + 0.3, before[0][1]], [before[1][0], before[1][1] + 0.3]];
     let det = |m: &Mat2| m[0][0] * m[1][1] - m[0][1] * m[1][0];
     let share = det(&before) / det(&after);
-    let (factor, factor_floored) = match antialias {
+    let (factor, factor_floored) = match settings.antialias {
         true => (share.max(2.5e-5).sqrt(), share <= 2.5e-5),
         false => (1.0, true),
     };
@@ -182,10 +188,10 @@ fn principal(camera: &Camera) -> [f64; 2] {
 }
 
 /// The colour before it is clamped to at least 0.
-fn unbounded_colour(splat: &Splat<f64>, camera: &Camera, degree: u32) -> [f64; 3] {
-    let (dir, _) = sight(splat, camera);
+fn unbounded_colour(splat: &Splat<f64>, camera: &Camera, settings: &Settings) -> [f64; 3] {
+    let dir = if settings.orthographic { camera.rotation[2] } else { sight(splat, camera).0 };
     let mut colour = [0.5; 3];
-    for (y, f) in harmonics(dir).iter().zip(&splat.sh).take(used(degree)) {
+    for (y, f) in harmonics(dir).iter().zip(&splat.sh).take(used(settings.sh_degree)) {
         for c in 0..3 {
             colour[c] += y.0 * f[c];
         }
@@ -236,21 +242,26 @@ pub(super) fn see(index: usize, splat: &Splat<f64>, camera: &Camera, settings: &
         return None;
     }
     let ellipsoid = ellipsoid(splat);
-    let ellipse = ellipse(point, &ellipsoid.sigma, camera, settings.antialias);
-    let condition = condition(splat, camera, point, &ellipsoid.axes, &ellipse);
+    let ellipse = ellipse(point, &ellipsoid.sigma, camera, settings);
+    let lens_point = if settings.orthographic { [0.0, 0.0, 1.0] } else { point };
+    let condition = condition(splat, camera, lens_point, &ellipsoid.axes, &ellipse);
     let q = inverse(&ellipse.after);
     let t = product(&ellipse.jacobian, w);
     let slope = times(&q, &times(&product(&t, &ellipsoid.sigma), &w[2]));
     let sigmoid = 1.0 / (1.0 + (-splat.logit).exp());
-    let colour = unbounded_colour(splat, camera, settings.sh_degree);
+    let colour = unbounded_colour(splat, camera, settings);
     let shortest = (1..3).fold(0, |best, k| if splat.log_scale[k] < splat.log_scale[best] { k } else { best });
     let axis = times(w, &std::array::from_fn(|i| ellipsoid.rotation[i][shortest]));
-    let facing: f64 = (0..3).map(|k| axis[k] * point[k]).sum();
+    let facing: f64 = match settings.orthographic {
+        true => axis[2],
+        false => (0..3).map(|k| axis[k] * point[k]).sum(),
+    };
     let turned = if facing > 0.0 { -1.0 } else { 1.0 };
-    let (focal, principal, free) = (focal(camera), principal(camera), [x / z, y / z]);
+    let (focal, principal) = (focal(camera), principal(camera));
+    let before_lens = if settings.orthographic { [x, y] } else { [x / z, y / z] };
     Some(ProjectedSplat {
         index,
-        mean: std::array::from_fn(|k| focal[k] * free[k] + principal[k]),
+        mean: std::array::from_fn(|k| focal[k] * before_lens[k] + principal[k]),
         conic: [q[0][0], q[0][1], q[1][1]],
         opacity: sigmoid * ellipse.factor,
         depth: z,
