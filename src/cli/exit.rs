@@ -7,7 +7,7 @@ use psrgs_vk::eval::{GeometryError, MetricsError, ReportError};
 use psrgs_vk::saliency;
 use psrgs_vk::train::settings::SettingsError;
 use psrgs_vk::world::WorldError;
-use psrgs_vk::{bench, dataset, format, perceptual, stereo, train, vk};
+use psrgs_vk::{bench, dataset, format, map, perceptual, stereo, train, vk};
 
 use super::driver_hint;
 
@@ -123,6 +123,14 @@ fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
             stereo::Error::Dataset(data) => of_dataset(data),
             stereo::Error::Setting { .. } => USAGE,
             _ => FAILURE,
+        });
+    }
+    if let Some(map) = cause.downcast_ref::<map::Error>() {
+        return Some(match map {
+            map::Error::Device(device) => of_device(device),
+            map::Error::File(file) => of_file(file),
+            map::Error::Gsd(_) | map::Error::Bounds(_) | map::Error::Cells { .. } => USAGE,
+            map::Error::NoSplats | map::Error::NoCameras | map::Error::Nowhere => INPUT,
         });
     }
     if cause.is::<GeometryError>() {

@@ -24,6 +24,7 @@ mod interrupt;
 mod live_page;
 mod look_args;
 mod lpips;
+mod map;
 mod map_frame;
 mod model_file;
 mod model_frame;
@@ -86,6 +87,7 @@ enum Command {
     Train(Box<train::Args>),
     View(view::Args),
     Render(render::Args),
+    Map(Box<map::Args>),
     Eval(eval::Args),
     Export(Box<export::Args>),
     Points(Box<points::Args>),
@@ -177,6 +179,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
         Command::Train(args) => train::run(args, own, interrupt, console, started),
         Command::View(args) => view::run(args, interrupt, console),
         Command::Render(args) => render::run(args, console),
+        Command::Map(args) => map::run(args, console),
         Command::Eval(args) => eval::run(args, console, started),
         Command::Export(args) => export::run(args, console),
         Command::Points(args) => points::run(args, console),

@@ -5,6 +5,7 @@ use psrgs_vk::raster::ShStorage;
 use std::path::Path;
 
 use psrgs_vk::format::{FrameFile, ply, splats};
+use psrgs_vk::map::SurfaceModel;
 use psrgs_vk::numbers::counted;
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::raster::{DepthProbe, Look, Picture, Planes, RenderView, Shown, Variants, Viewer};
@@ -144,14 +145,24 @@ impl ModelFile {
         frame: &Frame,
         background: &Colour,
     ) -> Result<Drawn, vk::Error> {
+        let SurfaceModel { viewer, planes, splats, projection, .. } = self.surface(gpu, forms, drawing, frame)?;
+        Ok(Drawn { viewer, planes, splats, projection, background: background.rgb, seen: false })
+    }
+
+    /// Uploads the model for a map.
+    pub(crate) fn surface(
+        &self,
+        gpu: &Gpu,
+        forms: &BlendingVariants,
+        drawing: &DrawingArgs,
+        frame: &Frame,
+    ) -> Result<SurfaceModel, vk::Error> {
         let variants = Variants::choose(gpu, false).with(forms.tile_shape, None);
         let viewer = Viewer::with_variants(gpu, variants);
         let planes = viewer.upload_with(&self.in_scene(frame), drawing.sh())?;
         let projection =
             Projection { sh_degree: self.model.sh_degree, antialias: self.antialias, ..Projection::default() };
-        let background = background.rgb;
-        let splats = self.splats() as u32;
-        Ok(Drawn { viewer, planes, splats, projection, background, seen: false })
+        Ok(SurfaceModel { viewer, planes, splats: self.splats() as u32, projection, frame: *frame })
     }
 
     /// The splats in the coordinates of a scene.

@@ -83,6 +83,12 @@ impl Surface {
         &mut self.model
     }
 
+    /// The direction of heights in the scene, about a window, and the metres of the map in a unit of the scene.
+    pub fn up(&self, window: Window) -> ([f64; 3], f64) {
+        let to_map = self.to_map_in(window);
+        (to_map.rotation[2], to_map.scale)
+    }
+
     /// Renders a window of the grid.
     pub fn render(&mut self, window: Window) -> Result<Block, vk::Error> {
         let cells = window.cells();

@@ -87,6 +87,7 @@ impl Scene {
             antialias,
             reference_clamp: false,
             black_learns: false,
+            orthographic: false,
             limits: None,
             alpha_cutoff: None,
         };

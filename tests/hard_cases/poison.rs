@@ -102,6 +102,7 @@ fn bad(state: &State, trainer: &Trainer, step: u32) -> usize {
         antialias: false,
         reference_clamp: true,
         black_learns: false,
+        orthographic: false,
         limits: None,
         alpha_cutoff: None,
     };
