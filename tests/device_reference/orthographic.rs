@@ -96,7 +96,7 @@ fn windows_of_a_map_have_the_bits_of_the_whole() {
     let (a, b) = (0.4f64, 0.3f64);
     let (sa, ca, sb, cb) = (a.sin(), a.cos(), b.sin(), b.cos());
     for (focal, far) in [(23.7, 0.0), (23.7, -8191.0)] {
-        let mut model = scattered(300, 230.0, focal, 500);
+        let mut model = scattered(1200, 230.0, focal, 500);
         let (cx, cy) = (96.0 + far, 64.0 - far);
         let camera = Camera {
             rotation: [[ca, sa, 0.0], [sa * cb, -ca * cb, -sb], [-sa * sb, ca * sb, -cb]],

@@ -26,7 +26,7 @@ fn tiles_come_back_as_they_were_added() {
     writer.add(vec![((1, 0), heights((1, 0)))]).unwrap();
     assert_eq!(writer.tile(1, 0).unwrap(), heights((1, 0)));
     assert_eq!(writer.tile(0, 1).unwrap(), Samples::empty(Kind::Float(1)));
-    let colours = Samples::Bytes((0..4 * TILE * TILE).map(|k| (k * k % 251) as u8).collect());
+    let colours = Samples::Bytes((0..4 * TILE * TILE).map(|k| (u64::from(k) * u64::from(k) % 251) as u8).collect());
     assert_eq!(Samples::unpacked(Kind::Rgba8, &colours.packed(Kind::Rgba8)).unwrap(), colours);
     assert!(Samples::unpacked(Kind::Rgba8, &colours.packed(Kind::Rgba8)[..100]).is_err());
     let pairs = Samples::Floats((0..2 * TILE * TILE).map(|k| (k as f32).sin()).collect());
