@@ -168,7 +168,8 @@ fn turned_and_scaled_datasets_have_the_same_map() {
     let grid = Grid::covering(&AREA.bounds, 0.1).unwrap();
     let mut plain = surface(&gpu, &site(), Placement::Local(Similarity::IDENTITY), (grid, AREA));
     let want = plain.render(grid.whole()).unwrap();
-    let by = Similarity { rotation: turn([0.3, -0.8, 0.4], [0.1, 0.2, -1.0]), scale: 3.7, translation: [5.0, -7.0, 2.0] };
+    let by =
+        Similarity { rotation: turn([0.3, -0.8, 0.4], [0.1, 0.2, -1.0]), scale: 3.7, translation: [5.0, -7.0, 2.0] };
     let mut turned = surface(&gpu, &by.gaussians(&site()), Placement::Local(by.inverse()), (grid, AREA));
     let got = turned.render(grid.whole()).unwrap();
     let (mut off, mut compared) = (0, 0);
@@ -206,8 +207,7 @@ fn write(file: &Path, kind: Kind, system: System) {
     let keys = GeoKeys { system, citation: "a test".into() };
     let (width, height) = (1300, 900);
     let descriptions = (0..kind.samples()).map(|k| format!("band {k} & more")).collect();
-    let picture =
-        Picture { width, height, kind, descriptions, corner: [500_000.5, 5_200_000.0], gsd: 0.25, keys };
+    let picture = Picture { width, height, kind, descriptions, corner: [500_000.5, 5_200_000.0], gsd: 0.25, keys };
     let mut writer = Writer::new(file, picture).unwrap();
     let (across, down) = writer.tiles();
     for (x, y) in (0..down).flat_map(|y| (0..across).map(move |x| (x, y))) {
@@ -215,9 +215,7 @@ fn write(file: &Path, kind: Kind, system: System) {
         let hole = |x: u32, y: u32| x < 40 && y < 30;
         let samples = match kind {
             Kind::Float(_) => Samples::Floats(
-                pixels
-                    .flat_map(|(x, y)| if hole(x, y) { [NO_DATA; 2] } else { [x as f32 / 4.0, y as f32] })
-                    .collect(),
+                pixels.flat_map(|(x, y)| if hole(x, y) { [NO_DATA; 2] } else { [x as f32 / 4.0, y as f32] }).collect(),
             ),
             _ => Samples::Bytes(
                 pixels

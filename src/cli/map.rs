@@ -152,7 +152,8 @@ fn plan(
     let bounds = args.bounds.map_or(area.bounds, |BoundsArg(bounds)| bounds);
     let grid = Grid::covering(&bounds, gsd)?;
     let (width, height) = (f64::from(grid.width) * gsd, f64::from(grid.height) * gsd);
-    console.say(format_args!("cells of {gsd} m ({from}): {} x {}, {width:.1} x {height:.1} m", grid.width, grid.height));
+    console
+        .say(format_args!("cells of {gsd} m ({from}): {} x {}, {width:.1} x {height:.1} m", grid.width, grid.height));
     Ok((placement, area, grid))
 }
 
@@ -165,9 +166,9 @@ fn tell(about: &About, args: &Args, console: &Console) {
              share one coordinate system: does --frame lead the right way?"
         ));
     }
-    let error = about.expected_error.map_or_else(String::new, |error| {
-        format!("; expected error of heights {} m", fraction(error, 3))
-    });
+    let error = about
+        .expected_error
+        .map_or_else(String::new, |error| format!("; expected error of heights {} m", fraction(error, 3)));
     console.say(format_args!(
         "data in {} of the cells, seen by two of {} in {}{error}",
         percent(about.with_data as f64 / cells, 1),

@@ -166,10 +166,10 @@ impl Writer {
         let kind = self.picture.kind;
         let key = (level + 1, x / 2, y / 2);
         let parts = |at: u32, of: u32| (of - 2 * (at / 2)).min(2);
-        let pending = self.pending.entry(key).or_insert_with(|| Pending {
-            samples: Samples::empty(kind),
-            missing: parts(x, across) * parts(y, down),
-        });
+        let pending = self
+            .pending
+            .entry(key)
+            .or_insert_with(|| Pending { samples: Samples::empty(kind), missing: parts(x, across) * parts(y, down) });
         pending.samples.put_quarter(kind, half, (x % 2, y % 2));
         pending.missing = pending.missing.saturating_sub(1);
         if pending.missing > 0 {

@@ -8,9 +8,9 @@ mod error;
 mod exposure_file;
 pub(crate) mod foreign;
 mod frame_file;
+pub mod geotiff;
 #[cfg(feature = "html-viewer")]
 pub mod html;
-pub mod geotiff;
 pub mod image_out;
 pub mod las;
 mod left_out;

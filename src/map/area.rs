@@ -72,8 +72,7 @@ pub fn ground_sample_distance(dataset: &Dataset, model: &Gaussians, placement: &
     let few = |count: usize| count.div_ceil(SAMPLE).max(1);
     let sample: Vec<[f64; 3]> = places.iter().copied().step_by(few(places.len())).collect();
     let of_view = |camera: &crate::scene::Camera| {
-        let mut depths: Vec<f64> =
-            sample.iter().filter_map(|point| camera.placed(*point)).map(|[_, _, z]| z).collect();
+        let mut depths: Vec<f64> = sample.iter().filter_map(|point| camera.placed(*point)).map(|[_, _, z]| z).collect();
         quantile(&mut depths, 0.5).map(|depth| depth / (camera.fx * camera.fy).sqrt())
     };
     let views = dataset.views.iter().step_by(few(dataset.views.len()));

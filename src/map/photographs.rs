@@ -147,7 +147,14 @@ fn of_point(eyes: &[&Eye], point: [f32; 3], up: [f64; 3], unit: f64) -> (u16, f3
 
 /// `up^T N^-1 up`; not a number where N has no inverse.
 fn along([xx, xy, xz, yy, yz, zz]: &[f64; 6], [x, y, z]: [f64; 3]) -> f64 {
-    let adjugate = [yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy];
+    let adjugate = [
+        yy * zz - yz * yz,
+        xz * yz - xy * zz,
+        xy * yz - xz * yy,
+        xx * zz - xz * xz,
+        xy * xz - xx * yz,
+        xx * yy - xy * xy,
+    ];
     let det = xx * adjugate[0] + xy * adjugate[1] + xz * adjugate[2];
     let [a, b, c, d, e, f] = adjugate;
     let form = a * x * x + d * y * y + f * z * z + 2.0 * (b * x * y + c * x * z + e * y * z);

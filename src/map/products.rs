@@ -81,15 +81,8 @@ pub fn write(
     let begin = |name: &str, kind: Kind, bands: &[&str]| {
         let descriptions = bands.iter().map(|band| (*band).to_owned()).collect();
         let (corner, gsd) = (grid.corner(), grid.gsd);
-        let picture = Picture {
-            width: grid.width,
-            height: grid.height,
-            kind,
-            descriptions,
-            corner,
-            gsd,
-            keys: keys.clone(),
-        };
+        let picture =
+            Picture { width: grid.width, height: grid.height, kind, descriptions, corner, gsd, keys: keys.clone() };
         Writer::new(&out.join(name), picture)
     };
     let mut ortho = begin(ORTHOPHOTO, Kind::Rgba8, &[])?;
@@ -200,7 +193,9 @@ fn of_quality(block: &Block, sight: &Sight, cell: usize) -> [f32; 2] {
 fn tiles_with<T: Copy>(window: Window, empty: T, value: impl Fn(usize) -> T) -> Vec<((u32, u32), Vec<T>)> {
     let Window { left, top, width, height } = window;
     let mut out = Vec::new();
-    for (y, x) in (0..height).step_by(TILE as usize).flat_map(|y| (0..width).step_by(TILE as usize).map(move |x| (y, x))) {
+    for (y, x) in
+        (0..height).step_by(TILE as usize).flat_map(|y| (0..width).step_by(TILE as usize).map(move |x| (y, x)))
+    {
         let mut tile = vec![empty; (TILE * TILE) as usize];
         for row in 0..TILE.min(height - y) {
             for column in 0..TILE.min(width - x) {
@@ -228,9 +223,7 @@ fn tiles_of_floats(window: Window, bands: usize, value: impl Fn(usize) -> [f32; 
 /// A tile of heights, NaN where there is no data.
 fn heights_of(writer: &mut Writer, (x, y): (u32, u32)) -> Result<Vec<f32>, Error> {
     match writer.tile(x, y)? {
-        Samples::Floats(values) => {
-            Ok(values.into_iter().map(|v| if v == NO_DATA { f32::NAN } else { v }).collect())
-        }
+        Samples::Floats(values) => Ok(values.into_iter().map(|v| if v == NO_DATA { f32::NAN } else { v }).collect()),
         Samples::Bytes(_) => Ok(vec![f32::NAN; (TILE * TILE) as usize]),
     }
 }
@@ -290,9 +283,8 @@ fn hillshade(heights: &mut Writer, mut out: Writer, gsd: f64) -> Result<(), Erro
             };
             brightness(std::array::from_fn(at), gsd)
         };
-        let tile = |x: u32| -> Vec<u8> {
-            (0..side * side).map(|k| of_cell(x as usize * side + k % side, k / side)).collect()
-        };
+        let tile =
+            |x: u32| -> Vec<u8> { (0..side * side).map(|k| of_cell(x as usize * side + k % side, k / side)).collect() };
         for x in 0..across {
             out.add(vec![((x, y), Samples::Bytes(tile(x)))])?;
         }

@@ -154,11 +154,8 @@ impl Surface {
         let [r0, r1, r2] = to_map.rotation;
         let focal = to_map.scale / gsd;
         let [x, y, z] = to_map.translation;
-        let translation = [
-            (x / gsd - east as f64) / focal,
-            (north as f64 - y / gsd) / focal,
-            (self.top - z) / to_map.scale + NEAR,
-        ];
+        let translation =
+            [(x / gsd - east as f64) / focal, (north as f64 - y / gsd) / focal, (self.top - z) / to_map.scale + NEAR];
         Camera {
             rotation: [r0, r1.map(|v| -v), r2.map(|v| -v)],
             translation,

@@ -157,7 +157,8 @@ impl Renderer {
     /// Allocates buffers and creates pipelines for models and images of up to `size`.
     pub fn new(gpu: &Gpu, variants: Variants, size: Size) -> Result<Self, vk::Error> {
         let n = u64::from(size.splats.max(1));
-        let channels = |aux: bool| ForwardPipelines::new(gpu, variants, ForwardForm { aux, ..ForwardForm::default() }, size.count);
+        let channels =
+            |aux: bool| ForwardPipelines::new(gpu, variants, ForwardForm { aux, ..ForwardForm::default() }, size.count);
         let counters = gpu.buffer("counters", 4 * counters::COUNT as u64, Memory::Device)?;
         let args = gpu.buffer("args", 16 * u64::from(ENTRIES), Memory::Device)?;
         let (splats, pairs, tiles) = (u64::from(size.splats), u64::from(size.pairs), u64::from(size.tiles));

@@ -105,7 +105,16 @@ impl Viewer {
             count: false,
             clamp_gradient_passes: false,
         };
-        Self { gpu: gpu.clone(), variants, size, depth_bits: DEPTH_BITS, renderer: None, recorded: None, landing: None, probed: None }
+        Self {
+            gpu: gpu.clone(),
+            variants,
+            size,
+            depth_bits: DEPTH_BITS,
+            renderer: None,
+            recorded: None,
+            landing: None,
+            probed: None,
+        }
     }
 
     /// Sorts splats by only the highest `bits` bits of their depth, to compare speed and error: see
