@@ -25,6 +25,8 @@ mod kills;
 mod lidar;
 #[path = "commands/live_page.rs"]
 mod live_page;
+#[path = "commands/map_accuracy.rs"]
+mod map_accuracy;
 #[path = "commands/mapping.rs"]
 mod mapping;
 #[path = "commands/memory.rs"]

@@ -15,6 +15,8 @@ mod opencv;
 mod sparse;
 #[path = "world/survey.rs"]
 mod survey;
+#[path = "world/true_map.rs"]
+mod true_map;
 #[path = "world/truth.rs"]
 mod truth;
 

@@ -16,6 +16,7 @@ use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice, HostChoice};
 use super::console::Console;
 use super::exit::Failure;
 use super::geo_args::GeoArgs;
+use super::map_accuracy::{CheckArgs, Judge, WrittenMap};
 use super::model_file::{DrawingArgs, ModelFile};
 use super::model_frame::FrameArgs;
 use super::{device, output_guard, progress};
@@ -57,6 +58,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) geo: GeoArgs,
     #[command(flatten)]
+    pub(crate) check: CheckArgs,
+    #[command(flatten)]
     pub(crate) frame: FrameArgs,
     #[command(flatten)]
     pub(crate) host: HostChoice,
@@ -95,6 +98,8 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let dataset = load(args)?;
     dataset.warnings.iter().filter(|warning| warning.is_of_files()).for_each(|warning| console.warn(warning));
     output_guard::check(&args.out, &dataset)?;
+    let georeference = args.geo.placed(&dataset)?.georeference;
+    let judge = Judge::find(&args.check, &args.cameras, &georeference)?;
     let (placement, area, grid) = plan(args, &dataset, &model, console)?;
     fs::create_dir_all(&args.out).with_context(|| Failure::Output(args.out.display().to_string()))?;
 
@@ -114,7 +119,15 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     })?;
     bar.finish_and_clear();
     tell(&about, args, console);
-    Ok(())
+    drop((surface, photographs));
+    match judge {
+        Some(judge) => {
+            let files = [products::SURFACE, products::ORTHOPHOTO, products::QUALITY];
+            let map = WrittenMap { folder: &args.out, files, data: &args.cameras, georeference: &georeference };
+            judge.judge(&map, args.check.check_stereo.then_some((&gpu, &args.host)), console)
+        }
+        None => Ok(()),
+    }
 }
 
 /// The dataset at the full size of its photographs; their files may be missing.

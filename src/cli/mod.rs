@@ -25,6 +25,7 @@ mod live_page;
 mod look_args;
 mod lpips;
 mod map;
+mod map_accuracy;
 mod map_frame;
 mod model_file;
 mod model_frame;

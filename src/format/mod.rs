@@ -8,6 +8,7 @@ mod error;
 mod exposure_file;
 pub(crate) mod foreign;
 mod frame_file;
+pub mod georaster;
 pub mod geotiff;
 #[cfg(feature = "html-viewer")]
 pub mod html;

@@ -28,6 +28,13 @@ pub enum Class {
     Wire = 14,
 }
 
+impl Class {
+    /// The number of the class in LAS files.
+    pub fn code(self) -> u8 {
+        self as u8
+    }
+}
+
 /// An echo of a laser pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LidarPoint {

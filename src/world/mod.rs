@@ -26,6 +26,7 @@ mod site;
 mod surface;
 mod survey;
 mod tie_points;
+mod true_map;
 
 pub use effects::{Effect, Effects};
 pub use error::WorldError;

@@ -13,6 +13,8 @@ use crate::format::{FRAME_FILE, atomic, image_out};
 
 /// The file with the parameters.
 const PARAMETERS: &str = "world.toml";
+/// The folder with the true map.
+const TRUTH: &str = "truth";
 /// The file with the ground control points.
 const CONTROL_POINTS: &str = "gcp_list.txt";
 
@@ -75,6 +77,7 @@ pub struct Summary {
 ///   `clean/NAME.png`, without noise and with the nominal exposure;
 /// - `offpath/`: `images/`, `sparse/0/` (without points), `depth/` and `normal/` of views from other positions,
 ///   without noise;
+/// - `truth/`: `dsm.tif`, `orthophoto.tif` and `classes.tif`, the true map of the site;
 /// - `lidar.las`, `lidar.ply` and `surface.ply`;
 /// - `world.toml` with every parameter.
 ///
@@ -114,7 +117,7 @@ pub fn generate(params: &WorldParams, dir: &Path, progress: &mut dyn FnMut(Progr
     world.frame_file()?.write(&dir.join(FRAME_FILE))?;
     progress(Progress { stage: Stage::Points, done: 1, total: 1 });
 
-    let total = world.offpath().len() as u32 + 2;
+    let total = world.offpath().len() as u32 + 3;
     let mut done = 0;
     let mut step = |progress: &mut dyn FnMut(Progress)| {
         progress(Progress { stage: Stage::Truth, done, total });
@@ -123,6 +126,10 @@ pub fn generate(params: &WorldParams, dir: &Path, progress: &mut dyn FnMut(Progr
     if !world.offpath().is_empty() {
         write_offpath(&world, &dir.join("offpath"), again, &mut || step(progress))?;
     }
+    step(progress);
+    let truth = dir.join(TRUTH);
+    fs::create_dir_all(&truth).map_err(|source| WorldError::Write { path: truth.clone(), source })?;
+    world.write_map(&truth)?;
     step(progress);
     let echoes = world.lidar();
     let file = dir.join("lidar.las");
@@ -178,6 +185,7 @@ fn has_world(dir: &Path) -> Result<bool, WorldError> {
         "surface.ply",
         CONTROL_POINTS,
         FRAME_FILE,
+        TRUTH,
     ];
     match written.iter().map(|name| dir.join(name)).find(|path| path.symlink_metadata().is_ok()) {
         Some(path) => Err(WorldError::Taken { path }),

@@ -25,12 +25,14 @@ fn placed(model: &Path, folder: &Path) -> std::path::PathBuf {
 fn splats_become_points_of_a_las_file() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let (model, data) = (shared.model(), shared.data());
+    let (model, data) = (folder.path().join("model.ply"), shared.data());
+    // Nothing beside the model names a place.
+    fs::copy(shared.model(), &model).expect("copied");
     let splats = ply::read(&model).expect("a model");
     let opaque = |least: f32| splats.gaussians.opacities.iter().filter(|o| 1.0 / (1.0 + (-**o).exp()) >= least).count();
     let (las_file, laz_file) = (folder.path().join("a.las"), folder.path().join("a.laz"));
     // After few steps no splat is opaque.
-    works(&["points", text(&model), "--keep-opacity", "0", "--cameras", text(&data), "--out", text(&las_file)]);
+    works(&["points", text(&model), "--keep-opacity", "0", "--out", text(&las_file)]);
     works(&["points", text(&model), "--keep-opacity", "0.1", "--out", text(&laz_file)]);
     let (all, few) = (las::read(&las_file).expect("a file"), las::read(&laz_file).expect("a file"));
     assert_eq!((all.len(), few.len()), (splats.gaussians.len(), opaque(0.1)));
@@ -42,6 +44,13 @@ fn splats_become_points_of_a_las_file() {
         let nearest = means.iter().map(off).fold(f64::MAX, f64::min);
         assert!(nearest < 1e-3, "{point:?} is {nearest} from every splat");
     }
+    // The photographs of the dataset note where they were taken: 47.65 N, 10.3 E is at 597627 E, 5278219 N.
+    let on_map = folder.path().join("map.laz");
+    works(&["points", text(&model), "--keep-opacity", "0", "--cameras", text(&data), "--out", text(&on_map)]);
+    let found = las::read(&on_map).expect("a file");
+    assert_eq!(found.len(), all.len());
+    let near = |p: &[f64; 3]| (p[0] - 597_627.0).abs() < 200.0 && (p[1] - 5_278_219.0).abs() < 200.0;
+    assert!(found.iter().filter(|p| near(p)).count() > found.len() * 9 / 10, "{:?}", found.first());
 }
 
 #[test]

@@ -55,7 +55,7 @@ fn dataset_is_consistent() {
     let mut stages = Vec::new();
     let summary = generate(&params, dir.path(), &mut |p: Progress| stages.push(p)).unwrap();
     assert_eq!(stages.first().map(|p| (p.stage, p.total)), Some((Stage::Photographs, 8)));
-    assert_eq!(stages.last(), Some(&Progress { stage: Stage::Truth, done: 4, total: 4 }));
+    assert_eq!(stages.last(), Some(&Progress { stage: Stage::Truth, done: 5, total: 5 }));
     assert_eq!((summary.images, summary.width, summary.height), (8, 96, 72));
 
     let sparse = dir.path().join("sparse/0");

@@ -11,16 +11,22 @@
 //! - **The whole**: the plane that fits the vertical errors best in the mean of absolute values, and the median of the
 //!   patches' shifts.
 
+mod check_points;
 mod gridded;
+mod known;
 mod patches;
 mod plane;
 mod points;
+mod report;
 mod steps;
 
+pub use check_points::CheckPoints;
 pub use gridded::gridded;
+pub use known::{Known, brightness};
 pub use patches::{Patches, Picture, patches};
 pub use plane::{Plane, plane};
 pub use points::{PointErrors, at_points};
+pub use report::{FILE, PointReport, Report};
 pub use steps::{Mask, mask};
 
 use serde::Serialize;

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::scene::random::Random;
+use crate::world::{World, WorldParams};
 
 const GSD: f64 = 0.1;
 const SIDE: usize = 240;
@@ -151,4 +152,30 @@ fn clouds_become_medians_and_points_are_looked_up() {
     assert_eq!(found.each, [Some(0.5), None]);
     assert_eq!((found.vertical.count, found.vertical.rmse), (1, 0.5));
     assert_eq!(Errors::of(&[1.0, -3.0, 2.0, 4.0]).median, 1.5);
+}
+
+#[test]
+fn the_truth_of_a_world_lies_on_the_map() {
+    let params = WorldParams { extent: 40.0, images: 4, max_side: 32, supersample: 1, ..WorldParams::default() };
+    let world = World::new(&params).expect("a world");
+    let way = world.georeference().expect("a place");
+    let middle = way.to_map([0.0; 3]);
+    let cells = Cells { width: 100, height: 90, gsd: 0.25 };
+    let corner = [middle[0] - 12.0, middle[1] + 11.0];
+    let known = Known::of_world(&world, cells, corner, way.system()).expect("a truth");
+    let truth = known.reference();
+    let mut ground = 0;
+    for (k, z) in truth.heights.iter().enumerate().filter(|(k, _)| truth.kinds.is_some_and(|kinds| kinds[*k] == Kind::Ground)) {
+        let (column, row) = ((k % 100) as f64 + 0.5, (k / 100) as f64 + 0.5);
+        let [x, y, _] = way.to_dataset([corner[0] + 0.25 * column, corner[1] - 0.25 * row, middle[2]]);
+        let want = way.to_map([x, y, world.terrain().height(x, y)])[2];
+        assert!((f64::from(*z) - want).abs() < 1e-3, "{z} is not {want}");
+        ground += 1;
+    }
+    assert!(ground > 1000, "{ground}");
+    let map = Surface { heights: truth.heights, picture: truth.picture, seen: None };
+    let report = Report::of("itself".to_owned(), cells, &known, &map, Some(truth.heights));
+    assert_eq!((report.map.vertical.rmse, report.map.completeness.complete), (0.0, 1.0));
+    assert!(report.map.planimetric.is_some_and(|shifts| shifts.rmse < 1e-6), "{:?}", report.map.planimetric);
+    assert!(report.compared > 0.4 && report.lines().len() > 8, "{}", report.compared);
 }

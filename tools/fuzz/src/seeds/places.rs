@@ -31,6 +31,19 @@ pub fn photographs() -> Vec<Vec<u8>> {
     vec![exif, both, alone, world(0).0]
 }
 
+/// The true map of a world, and check points.
+pub fn rasters() -> Vec<Vec<u8>> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let effects = Effects::none();
+    let params = WorldParams { images: 6, max_side: 24, offpath: 0, supersample: 1, effects, ..WorldParams::default() };
+    generate(&params, folder.path(), &mut |_| {}).expect("a world");
+    let read = |name: &str| std::fs::read(folder.path().join(name)).expect("a file");
+    let maps = ["dsm.tif", "orthophoto.tif", "classes.tif"].map(|name| chosen(0, read(&format!("truth/{name}"))));
+    let lines = "name,E,N,H\na,500000.5,4600000,90.25\n# b\nb;1;2;3\n1 2 3\n".as_bytes().to_vec();
+    let points = [read("gcp_list.txt"), lines].map(|list| chosen(1, list));
+    maps.into_iter().chain(points).collect()
+}
+
 /// Control points, and reference systems.
 pub fn control_points() -> Vec<Vec<u8>> {
     let systems = [
