@@ -139,8 +139,7 @@ impl Judge {
             Against::Cloud(points) => Known::of_heights(gridded(cells, corner, points)),
         };
         let cloud = stereo.map(|(gpu, host)| stereo_heights(map, &layers, gpu, host, console)).transpose()?;
-        let surface =
-            Surface { heights: &layers.heights, picture: Some(&layers.picture), seen: Some(&layers.seen) };
+        let surface = Surface { heights: &layers.heights, picture: Some(&layers.picture), seen: Some(&layers.seen) };
         let report = Report::of(self.name, cells, &known, &surface, cloud.as_deref());
         report.lines().iter().for_each(|line| console.say(line));
         report.warnings().iter().for_each(|line| console.warn(line));

@@ -210,7 +210,8 @@ mod tests {
     #[test]
     fn pictures_without_a_place_and_damaged_ones_are_refused() {
         let values = [0.0; 12];
-        for (tie, problem) in [(&[][..], "no place on a map"), (&[0.0, 0.0, 0.0, f64::NAN, 0.0, 0.0][..], "no number")] {
+        for (tie, problem) in [(&[][..], "no place on a map"), (&[0.0, 0.0, 0.0, f64::NAN, 0.0, 0.0][..], "no number")]
+        {
             let file = written::<Gray32Float>(&values, &AREA, tie, "x");
             let error = GeoRaster::read(file.path()).expect_err("refused").to_string();
             assert!(error.contains(problem) && error.contains("GeoTIFF"), "{error}");

@@ -22,11 +22,16 @@ impl Cells {
     /// Those of the whole site.
     fn of(world: &World, way: &Georeference) -> Self {
         let half = 0.5 * world.params().extent;
-        let corners = [[-half, -half], [half, -half], [-half, half], [half, half]].map(|[x, y]| way.to_map([x, y, 0.0]));
+        let corners =
+            [[-half, -half], [half, -half], [-half, half], [half, half]].map(|[x, y]| way.to_map([x, y, 0.0]));
         let gsd = world.ground_sample_distance();
         let line = |axis: usize, most: bool| {
             let values = corners.iter().map(|corner| corner[axis] / gsd);
-            if most { values.fold(f64::NEG_INFINITY, f64::max).ceil() } else { values.fold(f64::INFINITY, f64::min).floor() }
+            if most {
+                values.fold(f64::NEG_INFINITY, f64::max).ceil()
+            } else {
+                values.fold(f64::INFINITY, f64::min).floor()
+            }
         };
         let (west, north) = (line(0, false), line(1, true));
         let (width, height) = ((line(0, true) - west) as u32, (north - line(1, false)) as u32);

@@ -40,7 +40,8 @@ fn a_map_of_a_world_tells_its_accuracy() {
     mapped(&model, &data, &again, &["--check", text(&truth)]);
     let other = json(&again.join("accuracy.json"));
     assert!(other["reference"].as_str().is_some_and(|name| name.ends_with("dsm.tif")) && other["stereo"].is_null());
-    let medians = [&told, &other].map(|t| t.pointer("/map/vertical/median").and_then(|v| v.as_f64()).expect("a number"));
+    let medians =
+        [&told, &other].map(|t| t.pointer("/map/vertical/median").and_then(|v| v.as_f64()).expect("a number"));
     assert!((medians[0] - medians[1]).abs() < 1.0, "{medians:?}");
 
     // Control points of the world as check points.

@@ -9,8 +9,7 @@ use crate::small;
 fn the_true_map_has_the_heights_and_classes_of_the_world() {
     let dir = tempfile::tempdir().unwrap();
     let lidar = LidarParams { density: 0.02, ..LidarParams::default() };
-    let params =
-        WorldParams { offpath: 0, max_side: 64, supersample: 1, lidar, effects: Effects::none(), ..small() };
+    let params = WorldParams { offpath: 0, max_side: 64, supersample: 1, lidar, effects: Effects::none(), ..small() };
     generate(&params, dir.path(), &mut |_| {}).unwrap();
     let world = World::new(&params).unwrap();
     let way = world.georeference().unwrap();

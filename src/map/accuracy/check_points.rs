@@ -73,7 +73,8 @@ impl CheckPoints {
                 }
                 (_, true) => {}
                 (_, false) => {
-                    let problem = "name, easting, northing and height are needed, such as: p1, 500000.0, 4600000.0, 90.0";
+                    let problem =
+                        "name, easting, northing and height are needed, such as: p1, 500000.0, 4600000.0, 90.0";
                     return Err(Error::malformed(file, "check point", At::Line(number), problem));
                 }
             }
@@ -109,12 +110,9 @@ mod tests {
             assert_eq!(found.names.len(), 2);
         }
         assert_eq!(read("a,1,2,3,checked by hand\n", None).expect("points").names, ["a"]);
-        for (text, problem) in [
-            ("a,1,2,3\nb,1,2\n", "line 2"),
-            ("a,1,2,nan\nb,1,2,inf\n", "line 2"),
-            ("", "none"),
-            ("E,N,H\n", "none"),
-        ] {
+        for (text, problem) in
+            [("a,1,2,3\nb,1,2\n", "line 2"), ("a,1,2,nan\nb,1,2,inf\n", "line 2"), ("", "none"), ("E,N,H\n", "none")]
+        {
             let error = read(text, None).expect_err(text).to_string();
             assert!(error.contains(problem), "{text}: {error}");
         }
@@ -122,7 +120,8 @@ mod tests {
 
     #[test]
     fn ground_control_points_serve_once_each_in_the_system_of_the_map() {
-        let text = "EPSG:32632\n657630.641 4984896.171 200 10 10 a.jpg one\n657630.641 4984896.171 200 20 9 b.jpg one\n";
+        let text =
+            "EPSG:32632\n657630.641 4984896.171 200 10 10 a.jpg one\n657630.641 4984896.171 200 20 9 b.jpg one\n";
         let same = ReferenceSystem::epsg(32_632).expect("a system");
         let found = read(text, Some(&same)).expect("points");
         assert_eq!((found.names, found.places), (vec!["one".to_owned()], vec![[657_630.641, 4_984_896.171, 200.0]]));

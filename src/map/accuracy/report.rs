@@ -110,9 +110,9 @@ impl Report {
                 percent(complete.with_height, 2)
             ));
             let [east, north] = whole.shift.unwrap_or([f64::NAN; 2]);
-            let shift = whole.shift.map_or_else(String::new, |_| {
-                format!("{} m east, {} m north, ", metres(east), metres(north))
-            });
+            let shift = whole
+                .shift
+                .map_or_else(String::new, |_| format!("{} m east, {} m north, ", metres(east), metres(north)));
             lines.push(format!(
                 "{name}: the whole lies off by {shift}{} m up, tilted by {} degrees; vertical RMSE without it {} m",
                 metres(whole.up),

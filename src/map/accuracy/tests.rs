@@ -165,7 +165,9 @@ fn the_truth_of_a_world_lies_on_the_map() {
     let known = Known::of_world(&world, cells, corner, way.system()).expect("a truth");
     let truth = known.reference();
     let mut ground = 0;
-    for (k, z) in truth.heights.iter().enumerate().filter(|(k, _)| truth.kinds.is_some_and(|kinds| kinds[*k] == Kind::Ground)) {
+    for (k, z) in
+        truth.heights.iter().enumerate().filter(|(k, _)| truth.kinds.is_some_and(|kinds| kinds[*k] == Kind::Ground))
+    {
         let (column, row) = ((k % 100) as f64 + 0.5, (k / 100) as f64 + 0.5);
         let [x, y, _] = way.to_dataset([corner[0] + 0.25 * column, corner[1] - 0.25 * row, middle[2]]);
         let want = way.to_map([x, y, world.terrain().height(x, y)])[2];
