@@ -9,6 +9,9 @@ use super::Error;
 use super::proj_string::{self, Words};
 use crate::scene::Geodetic;
 
+/// Rounds of the way back through a shift of the datum; each leaves some 1e-5 of what was missing.
+const ROUNDS: usize = 3;
+
 /// What heights are measured from. No height is ever converted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum VerticalDatum {
@@ -52,6 +55,8 @@ pub struct ReferenceSystem {
     proj: String,
     wkt: Option<&'static str>,
     vertical: VerticalDatum,
+    /// Whether the datum is shifted by parameters.
+    shifted: bool,
     projection: Proj,
     /// Latitude and longitude on WGS 84.
     geographic: Proj,
@@ -125,7 +130,8 @@ impl ReferenceSystem {
         };
         let projection = Proj::from_proj_string(proj).map_err(unfit)?;
         let geographic = Proj::from_proj_string("+proj=longlat +datum=WGS84").map_err(unfit)?;
-        Ok(Self { name, epsg, proj: proj.to_owned(), wkt, vertical: VerticalDatum::Ellipsoid, projection, geographic })
+        let (vertical, shifted) = (VerticalDatum::Ellipsoid, proj_string::shifts(proj));
+        Ok(Self { name, epsg, proj: proj.to_owned(), wkt, vertical, shifted, projection, geographic })
     }
 
     /// The UTM zone of a place, with the exceptions of Norway and Svalbard.
@@ -175,7 +181,8 @@ impl ReferenceSystem {
     /// Its text in WKT 1, for files. A system without EPSG code is given by its PROJ string, as GDAL does.
     pub fn wkt(&self) -> String {
         match self.wkt {
-            Some(wkt) => wkt.to_owned(),
+            // A shift by nothing would make readers take the system for one that is bound to another.
+            Some(wkt) => wkt.replace(",TOWGS84[0,0,0,0,0,0,0]", ""),
             None => format!(
                 "PROJCS[\"unnamed\",GEOGCS[\"WGS 84\",DATUM[\"WGS_1984\",SPHEROID[\"WGS 84\",6378137,298.257223563]],\
                  PRIMEM[\"Greenwich\",0],UNIT[\"degree\",0.0174532925199433]],PROJECTION[\"custom_proj4\"],\
@@ -192,7 +199,7 @@ impl ReferenceSystem {
 
     /// Whether its datum is reached from WGS 84 by a shift of few parameters, which is true to some metres.
     pub fn is_shifted(&self) -> bool {
-        proj_string::shifts(&self.proj)
+        self.shifted
     }
 
     /// Whether easting and northing are the same as in another system.
@@ -214,17 +221,28 @@ impl ReferenceSystem {
 
     /// The inverse of [`Self::from_geodetic`].
     pub fn to_geodetic(&self, [x, y, z]: [f64; 3]) -> Geodetic {
-        let plane = if self.projection.is_latlong() { (x.to_radians(), y.to_radians()) } else { (x, y) };
-        // The height above the datum's own ellipsoid, such that the height above that of WGS 84 is z.
-        let mut own = z;
-        let mut found = None;
-        for _ in 0..2 {
-            let mut at = (plane.0, plane.1, own);
-            found = transform(&self.projection, &self.geographic, &mut at).ok().map(|()| at);
-            own += z - at.2;
+        let Some(mut place) = self.inverse([x, y, z]) else {
+            return Geodetic { latitude: f64::NAN, longitude: f64::NAN, altitude: z };
+        };
+        if self.shifted {
+            // The height above the datum's own ellipsoid is unknown, and turns there and back are approximate: what is
+            // missing on the map is added until nothing is.
+            let mut from = [x, y, z];
+            for _ in 0..ROUNDS {
+                let [u, v, _] = self.from_geodetic(Geodetic { altitude: z, ..place });
+                from = [from[0] + x - u, from[1] + y - v, from[2] + z - place.altitude];
+                place = self.inverse(from).unwrap_or(place);
+            }
         }
-        let (longitude, latitude, _) = found.unwrap_or((f64::NAN, f64::NAN, z));
-        Geodetic { latitude: latitude.to_degrees(), longitude: longitude.to_degrees(), altitude: z }
+        Geodetic { altitude: z, ..place }
+    }
+
+    /// The place of a point by the projection and the shift of the datum, its altitude shifted too.
+    fn inverse(&self, [x, y, z]: [f64; 3]) -> Option<Geodetic> {
+        let is_geographic = self.projection.is_latlong();
+        let mut at = if is_geographic { (x.to_radians(), y.to_radians(), z) } else { (x, y, z) };
+        transform(&self.projection, &self.geographic, &mut at).ok()?;
+        Some(Geodetic { latitude: at.1.to_degrees(), longitude: at.0.to_degrees(), altitude: at.2 })
     }
 }
 
@@ -337,5 +355,39 @@ mod tests {
         let told = system.with_heights(VerticalDatum::parse("EPSG:5773"));
         assert_eq!(told.vertical(), &VerticalDatum::Stated { name: "EPSG:5773".into(), epsg: Some(5773) });
         assert_eq!(VerticalDatum::parse("DHHN2016"), VerticalDatum::Stated { name: "DHHN2016".into(), epsg: None });
+    }
+
+    /// Words changed, left out and doubled: a system, or an error.
+    #[test]
+    fn damaged_proj_strings_do_no_harm() {
+        let whole = [
+            "+proj=tmerc +lat_0=49 +lon_0=-2 +k=0.9996 +x_0=4e5 +y_0=-1e5 +ellps=airy +towgs84=446,-125,542,0.1,0.2,0.8,-20",
+            "+proj=lcc +lat_1=49 +lat_2=44 +lat_0=46.5 +lon_0=3d10'5\" +x_0=700000 +a=6378137 +rf=298.25 +towgs84=0,0,0",
+            "+proj=somerc +lat_0=46.95 +lon_0=7.44 +k_0=1 +ellps=bessel +towgs84=674,15,405 +pm=paris +units=m +no_defs",
+            "+proj=omerc +lat_0=4 +lonc=102.25 +alpha=323.02 +k=0.99984 +gamma=323.13 +ellps=GRS80 +no_uoff",
+            "+proj=utm +zone=32 +south +datum=WGS84 +to_meter=1 +over +geoc +R=6371000",
+        ];
+        let other = ["0", "-1", "1e300", "nan", "inf", "", "90", "1e-300", "180w", "5'", "\u{b0}", "@null", "a,b,c"];
+        let names =
+            ["laea", "stere", "aea", "cass", "poly", "krovak", "geos", "tpers", "moll", "eqc", "sterea", "gnom"];
+        let mut random = crate::scene::random::Random::new(6);
+        let mut taken = 0;
+        for text in whole.iter().cycle().take(4000) {
+            let mut words: Vec<String> = text.split(' ').map(str::to_owned).collect();
+            for _ in 0..2 {
+                let at = (random.unit() * words.len() as f64) as usize;
+                let name = words[at].split('=').next().unwrap_or_default().to_owned();
+                words[at] = match (name.as_str(), random.chance(0.2)) {
+                    (_, true) => String::new(),
+                    ("+proj", _) => format!("+proj={}", random.pick(&names)),
+                    _ => format!("{name}={}", random.pick(&other)),
+                };
+            }
+            let Ok(system) = ReferenceSystem::parse(&words.join(" ")) else { continue };
+            taken += 1;
+            let place = Geodetic { latitude: 47.5, longitude: 8.5, altitude: 400.0 };
+            system.to_geodetic(system.from_geodetic(place));
+        }
+        assert!(taken > 500, "{taken}");
     }
 }

@@ -9,12 +9,14 @@ mod meshes;
 mod models;
 mod pictures;
 mod point_files;
+mod projections;
 mod readers;
 mod similarities;
 
 use std::fs;
 
 use psrgs_vk::format::{FrameFile, ply};
+use psrgs_vk::geodesy::Georeference;
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::{Coordinates, Frame, Gaussians, Geodetic};
 
@@ -49,9 +51,14 @@ fn frame_file_keeps_every_bit() {
     for coordinates in
         [grid, Coordinates::EastNorthUp { origin: Geodetic { latitude: -1.5, longitude: 2.0, altitude: 0.1 } }]
     {
-        let written = FrameFile::new(frame, Some(coordinates));
-        written.write(&folder.path().join("frame.json")).expect("written");
-        assert_eq!(FrameFile::beside(&model).expect("read"), Some(written));
+        let map = Georeference::of_coordinates(&coordinates, None).expect("a map").record([0.5, 2.0, 0.1]);
+        assert!(map.is_some());
+        // Files of earlier versions have no map.
+        for map in [None, map] {
+            let written = FrameFile::new(frame, Some(coordinates.clone())).with_map(map);
+            written.write(&folder.path().join("frame.json")).expect("written");
+            assert_eq!(FrameFile::beside(&model).expect("read"), Some(written));
+        }
     }
     for broken in [
         "",
