@@ -23,6 +23,8 @@ use psrgs_vk::vk::Gpu;
 const HALF: f64 = 10.0;
 const BLOCK: f64 = 3.0;
 const ROOF: f64 = 2.0;
+/// How far heights are off, in metres.
+const ROUGH: f64 = 0.05;
 
 fn site() -> Gaussians {
     let mut random = seeded(7);
@@ -32,6 +34,8 @@ fn site() -> Gaussians {
         let at = |k: u32| 2.0 * HALF * ((f64::from(k) + 0.5) / f64::from(steps) - 0.5);
         let (x, y) = (at(k % steps), at(k / steps));
         let z = if x.abs().max(y.abs()) < BLOCK { ROOF } else { 0.0 };
+        // No two splats have the same height, so that rounding does not choose their order.
+        let z = z + ROUGH * random.symmetric();
         splats.push(Splat {
             mean: [x, y, z],
             quat: [1.0, 0.0, 0.0, 0.0],
@@ -46,7 +50,7 @@ fn site() -> Gaussians {
 }
 
 const AREA: Area =
-    Area { bounds: Bounds { west: -HALF, south: -HALF, east: HALF, north: HALF }, bottom: 0.0, top: 4.0 };
+    Area { bounds: Bounds { west: -HALF, south: -HALF, east: HALF, north: HALF }, bottom: -2.0, top: 4.0 };
 
 /// The scene is a tenth of the dataset.
 fn surface(gpu: &Gpu, dataset: &Gaussians, placement: Placement, of: (Grid, Area)) -> Surface {
@@ -120,7 +124,7 @@ fn squares_of_the_earth_do_not_depend_on_windows() {
     model.means.chunks_exact_mut(3).for_each(|p| (0..3).for_each(|k| p[k] += there[k] as f32));
     let (e, n) = (corner(east), corner(north));
     let bounds = Bounds { west: e - HALF, south: n - HALF, east: e + HALF, north: n + HALF };
-    let area = Area { bounds, bottom: height, top: height + 4.0 };
+    let area = Area { bounds, bottom: height - 2.0, top: height + 4.0 };
     let grid = Grid::covering(&bounds, gsd).unwrap();
     let placement = Placement::Earth(Box::new(georeference));
     let mut on_earth = surface_about(&gpu, (&model, there), placement.clone(), (grid, area));
@@ -130,7 +134,7 @@ fn squares_of_the_earth_do_not_depend_on_windows() {
     let flat = placement.to_map([there[0] + 8.0, there[1], there[2]])[2];
     for (x, y) in [(4, 39), (4, 40), (75, 39), (75, 40), (39, 4), (40, 4), (39, 75), (40, 75)] {
         let found = whole.height[y * 80 + x];
-        assert!((found - flat).abs() < 0.01, "{found} for {flat} at {x} {y}");
+        assert!((found - flat).abs() < ROUGH + 0.01, "{found} for {flat} at {x} {y}");
     }
 }
 
@@ -148,7 +152,7 @@ fn heights_are_those_of_ground_and_roof() {
         }
         let want = if out < BLOCK { ROOF } else { 0.0 };
         let found = block.height[cell as usize];
-        assert!((found - want).abs() < 0.01, "{found} for {want} at {x} {y}");
+        assert!((found - want).abs() < ROUGH + 0.01, "{found} for {want} at {x} {y}");
     }
     // Beyond the ground nothing is opaque, and what floats above the area is left out.
     let wide = Bounds { west: -12.0, east: 12.0, ..AREA.bounds };
@@ -179,7 +183,7 @@ fn turned_and_scaled_datasets_have_the_same_map() {
         let heights = (got.height[cell] - want.height[cell]).abs();
         off += usize::from(colours > 2.0 / 255.0 || heights > 0.002 || heights.is_nan());
     }
-    // A splat of nearly half the opacity decides for one side of a step.
+    // A splat at which nearly half of the light is stopped is on one side or the other.
     assert!(compared > 30_000 && off * 500 < compared, "{off} of {compared} cells differ");
 }
 
@@ -206,7 +210,7 @@ fn bits_of_cells_do_not_depend_on_the_bounds() {
 fn write(file: &Path, kind: Kind, system: System) {
     let keys = GeoKeys { system, citation: "a test".into() };
     let (width, height) = (1300, 900);
-    let descriptions = (0..kind.samples()).map(|k| format!("band {k} & more")).collect();
+    let descriptions = (0..kind.samples()).map(|k| format!("band {k}")).collect();
     let picture = Picture { width, height, kind, descriptions, corner: [500_000.5, 5_200_000.0], gsd: 0.25, keys };
     let mut writer = Writer::new(file, picture).unwrap();
     let (across, down) = writer.tiles();
@@ -285,7 +289,7 @@ fn rasterio_and_rio_cogeo_read_what_is_written() {
             "4 1300 900 uint8 None [2, 4]",
             "[0.25, 0.0, 500000.5, 0.0, -0.25, 5200000.0]",
             "projected True 32632",
-            "MaskFlags.alpha",
+            "flags ['2', '4']",
             "values [0, 0, 0, 0] [162, 112, 77, 255] [75, 2, 77, 255]",
         ],
     );
@@ -296,7 +300,7 @@ fn rasterio_and_rio_cogeo_read_what_is_written() {
             "True [] []",
             "2 1300 900 float32 -9999.0 [2, 4]",
             "projected True 32732",
-            "('band 0 & more', 'band 1 & more')",
+            "('band 0', 'band 1')",
             "values [-9999.0, -9999.0] [324.75, 899.0] [150.0, 20.0]",
             "overview [-9999.0, -9999.0] [200.375, 401.5]",
         ],

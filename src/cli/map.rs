@@ -37,7 +37,8 @@ pub(crate) struct Args {
     /// Folder for orthophoto.tif, dsm.tif, quality.tif and map.json
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
-    /// Ground sample distance: side of a cell in metres [default: the median of the photographs, rounded up to two digits]
+    /// Ground sample distance: side of a cell in metres [default: the median of the photographs, rounded up to two
+    /// digits]
     #[arg(long, value_name = "M")]
     pub(crate) gsd: Option<f64>,
     /// Area in metres of the map: west, south, east, north [default: where the reconstructed points lie]

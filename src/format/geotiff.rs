@@ -1,8 +1,8 @@
 //! Cloud Optimized GeoTIFF, written from tiles in any order with bounded memory.
 //!
-//! Tiles go compressed into a temporary file, and their averages into the overviews, of which only the tiles that still
-//! wait for parts are in memory. [`Writer::finish`] writes header, directories and tiles in the order that readers over a
-//! network want: overviews before the full picture. A reader finds the whole file or none.
+//! Tiles go compressed into a temporary file, and their averages into the overviews, of which only the tiles that
+//! still wait for parts are in memory. [`Writer::finish`] writes header, directories and tiles in the order that
+//! readers over a network want: overviews before the full picture. A reader finds the whole file or none.
 
 mod directory;
 mod keys;
@@ -123,8 +123,8 @@ impl Writer {
         self.levels.first().map_or((0, 0), |level| (level.across, level.down))
     }
 
-    /// Adds tiles at (column, row), each once. A tile has [`TILE`] rows of [`TILE`] pixels; those beyond the picture are
-    /// not looked at.
+    /// Adds tiles at (column, row), each once. A tile has [`TILE`] rows of [`TILE`] pixels; those beyond the picture
+    /// are not looked at.
     pub fn add(&mut self, tiles: Vec<((u32, u32), Samples)>) -> Result<(), Error> {
         let mut level = 0;
         let mut tiles = tiles;

@@ -12,8 +12,8 @@ const ENOUGH: usize = 50;
 const STRAYS: f64 = 0.005;
 /// The same of heights.
 const HIGH: f64 = 0.001;
-/// What is this much higher, as a share of the range of heights, is taken to float above the scene.
-const ABOVE: f64 = 0.5;
+/// What is this much higher or lower, as a share of the range of heights, does not belong to the scene.
+const BEYOND: f64 = 0.5;
 /// Most points and photographs that a ground sample distance is taken from.
 const SAMPLE: usize = 400;
 
@@ -22,7 +22,7 @@ const SAMPLE: usize = 400;
 pub struct Area {
     /// Easting and northing.
     pub bounds: Bounds,
-    /// Height that the lowest parts reach.
+    /// Height below which nothing is a surface.
     pub bottom: f64,
     /// Height above which splats are taken to float, and are left out.
     pub top: f64,
@@ -58,11 +58,11 @@ impl Area {
             east: quantile(&mut east, 1.0 - STRAYS)?,
             north: quantile(&mut north, 1.0 - STRAYS)?,
         };
-        let (bottom, high) = (quantile(&mut height, HIGH)?, quantile(&mut height, 1.0 - HIGH)?);
+        let (low, high) = (quantile(&mut height, HIGH)?, quantile(&mut height, 1.0 - HIGH)?);
         // A plane has no range of heights of its own.
         let across = (bounds.east - bounds.west).max(bounds.north - bounds.south);
-        let top = high + (ABOVE * (high - bottom)).max(0.02 * across);
-        Some(Self { bounds, bottom, top })
+        let margin = (BEYOND * (high - low)).max(0.02 * across);
+        Some(Self { bounds, bottom: low - margin, top: high + margin })
     }
 }
 
@@ -94,7 +94,7 @@ mod tests {
         let Bounds { west, south, east, north } = area.bounds;
         assert!(west >= 0.0 && east <= 79.0 && south >= 0.0 && north <= 50.0, "{:?}", area.bounds);
         assert!(east - west > 77.0 && north - south > 47.0, "{:?}", area.bounds);
-        assert_eq!((area.bottom, area.top), (0.0, 9.0));
+        assert_eq!((area.bottom, area.top), (-3.0, 9.0));
         assert_eq!(Area::of_places(&[]), None);
     }
 }

@@ -18,8 +18,8 @@ pub struct Bounds {
     pub north: f64,
 }
 
-/// Square cells between lines at multiples of their side, so that maps of neighbouring areas fit to each other. Columns
-/// go east, rows go south.
+/// Square cells between lines at multiples of their side, so that maps of neighbouring areas fit to each other.
+/// Columns go east, rows go south.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
     /// Side of a cell in metres: the ground sample distance.
@@ -77,7 +77,7 @@ impl Grid {
 
     /// Easting and northing of the north-western corner.
     pub fn corner(&self) -> [f64; 2] {
-        [self.west as f64 * self.gsd, self.north as f64 * self.gsd]
+        [micrometres(self.west as f64 * self.gsd), micrometres(self.north as f64 * self.gsd)]
     }
 
     /// Easting and northing of the middle of a cell.
@@ -91,7 +91,7 @@ impl Grid {
     pub fn bounds(&self) -> Bounds {
         let [west, north] = self.corner();
         let (width, height) = (f64::from(self.width) * self.gsd, f64::from(self.height) * self.gsd);
-        Bounds { west, south: north - height, east: west + width, north }
+        Bounds { west, south: micrometres(north - height), east: micrometres(west + width), north }
     }
 
     /// Number of cells.
@@ -124,6 +124,11 @@ impl Window {
     pub fn cells(&self) -> usize {
         self.width as usize * self.height as usize
     }
+}
+
+/// Rounded to a millionth, which takes away the digits that products add.
+fn micrometres(value: f64) -> f64 {
+    (value * 1e6).round() / 1e6
 }
 
 /// Rounded up to two digits.

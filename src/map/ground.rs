@@ -1,9 +1,10 @@
-//! A terrain model from a surface model: the progressive morphological filter of Zhang et al. (2003), on coarse cells.
+//! A terrain model from a surface model: the progressive morphological filter of Zhang et al. (2003), on coarse
+//! cells.
 //!
-//! Coarse cells have the lower quartile of their heights. The filter opens them (a minimum, then a maximum over a square)
-//! with ever larger squares; where an opening takes away more than a threshold, something stands on the ground. The
-//! threshold grows with the square, as the ground may slope. What stands on the ground is filled from the ground around
-//! it by means of ever coarser cells.
+//! Coarse cells have the lower quartile of their heights. The filter opens them (a minimum, then a maximum over a
+//! square) with ever larger squares; where an opening takes away more than a threshold, something stands on the
+//! ground. The threshold grows with the square, as the ground may slope. What stands on the ground is filled from the
+//! ground around it by means of ever coarser cells.
 
 /// Side in metres that coarse cells have at least.
 const COARSE: f64 = 0.5;
@@ -175,7 +176,7 @@ fn filled(cells: &mut [f32], width: usize, height: usize) {
     for (k, cell) in cells.iter_mut().enumerate().filter(|(_, v)| !v.is_finite()) {
         let (x, y) = (k % width, k / width);
         // The nearer coarse cell counts three quarters along each axis.
-        let other = |v: usize| if v % 2 == 0 { (v / 2).saturating_sub(1) } else { v / 2 + 1 };
+        let other = |v: usize| if v.is_multiple_of(2) { (v / 2).saturating_sub(1) } else { v / 2 + 1 };
         let along = |y: usize| 0.75 * at(x / 2, y) + 0.25 * at(other(x), y);
         *cell = 0.75 * along(y / 2) + 0.25 * along(other(y));
     }

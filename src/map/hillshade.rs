@@ -1,7 +1,7 @@
 //! A hillshade: how bright a surface is under a light from the north-west, 45 degrees high (Horn 1981).
 
-/// Brightness from 1 to 255 of the middle of 3 x 3 heights, row by row from the north-west; 0 where the middle has none.
-/// Neighbours without a height count as high as the middle.
+/// Brightness from 1 to 255 of the middle of 3 x 3 heights, row by row from the north-west; 0 where the middle has
+/// none. Neighbours without a height count as high as the middle.
 pub(super) fn brightness(heights: [f32; 9], gsd: f64) -> u8 {
     let middle = heights[4];
     if !middle.is_finite() {

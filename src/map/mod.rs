@@ -1,8 +1,8 @@
 //! Maps of models: orthophoto and surface model from above, points on a map, and how accurate a map is.
 //!
-//! A map is a [`Grid`] of square cells in easting and northing. [`Surface`] renders any window of the grid under parallel
-//! rays; a cell's values do not depend on the window that it is rendered in, so a map of any size is made of windows that
-//! fit in memory, without seams.
+//! A map is a [`Grid`] of square cells in easting and northing. [`Surface`] renders any window of the grid under
+//! parallel rays; a cell's values do not depend on the window that it is rendered in, so a map of any size is made of
+//! windows that fit in memory, without seams.
 
 pub mod accuracy;
 mod area;

@@ -83,13 +83,13 @@ impl Photographs {
         self.eyes.is_empty()
     }
 
-    /// Looks at the cells of a block. `up` is the direction of heights in the scene, `unit` the metres of the map in a
-    /// unit of the scene.
+    /// Looks at the cells of a block. `up` is the direction of heights in the scene, `unit` the metres of the map in
+    /// a unit of the scene.
     ///
-    /// A photograph sees a cell whose place is inside of its picture, not masked there, and not hidden. Its ray fixes the
-    /// two directions across it up to `s d / f`, with the distance d, the focal length f in pixels and the error s in
-    /// pixels ([`IMAGE_ERROR`]). The rays of a cell together have the normal matrix `N = sum (f / (s d))^2 (I - r r^T)`,
-    /// with unit rays r, and the error along `up` is `sqrt(up^T N^-1 up)`.
+    /// A photograph sees a cell whose place is inside of its picture, not masked there, and not hidden. Its ray fixes
+    /// the two directions across it up to `s d / f`, with the distance d, the focal length f in pixels and the error
+    /// s in pixels ([`IMAGE_ERROR`]). The rays of a cell together have the normal matrix `N = sum (f / (s d))^2 (I -
+    /// r r^T)`, with unit rays r, and the error along `up` is `sqrt(up^T N^-1 up)`.
     pub fn look(&self, block: &Block, up: [f64; 3], unit: f64) -> Sight {
         let cells = block.window.cells();
         let (width, height) = (block.window.width, block.window.height);
@@ -249,8 +249,8 @@ mod tests {
         }
     }
 
-    /// Two cameras at a height H, a base B apart: the parallax gives an error of s H / f times sqrt(2) H / B, seen from
-    /// the middle at a small base.
+    /// Two cameras at a height H, a base B apart: the parallax gives an error of s H / f times sqrt(2) H / B, seen
+    /// from the middle at a small base.
     #[test]
     fn expected_error_is_that_of_the_parallax() {
         let (height, base) = (10.0, 1.0);

@@ -8,8 +8,8 @@ use crate::raster::{DepthProbe, Picture, Planes, RenderView, Viewer};
 use crate::scene::{Camera, Frame, Similarity};
 use crate::vk;
 
-/// Side in cells of the squares over which one similarity stands for the way to the map. The squares lie at multiples of
-/// their side, whatever the windows and the bounds, so a cell is always rendered in the same way.
+/// Side in cells of the squares over which one similarity stands for the way to the map. The squares lie at multiples
+/// of their side, whatever the windows and the bounds, so a cell is always rendered in the same way.
 const SQUARE: i64 = 4096;
 /// A cell has data where splats hide at least this share of what is behind them.
 pub const OPAQUE: f32 = 0.5;
@@ -35,6 +35,8 @@ pub struct Surface {
     grid: Grid,
     /// Height above which nothing is drawn.
     top: f64,
+    /// Height below which nothing is a surface.
+    bottom: f64,
     /// Height at which similarities are taken.
     middle: f64,
     /// The place in cells from which positions on the device are counted: whole numbers near the scene's origin.
@@ -50,7 +52,8 @@ pub struct Block {
     pub colour: Vec<[f32; 3]>,
     /// Opacity, from 0 to 1.
     pub alpha: Vec<f32>,
-    /// Height in metres of the map at which half of the light from above is stopped; NaN where less is.
+    /// Height in metres of the map at which half of the light from above is stopped; NaN where less is, and below the
+    /// area.
     pub height: Vec<f64>,
     /// The same place in scene coordinates; not meaningful where the height is NaN.
     pub point: Vec<[f32; 3]>,
@@ -65,7 +68,15 @@ impl Surface {
         let origin = placement.to_map(model.frame.to_dataset([0.0; 3]));
         let cell = |v: f64| (v / grid.gsd).round() as i64;
         let anchor = [cell(origin[0]), cell(origin[1])];
-        Ok(Self { model, placement, grid, top: area.top, middle: 0.5 * (area.bottom + area.top), anchor })
+        Ok(Self {
+            model,
+            placement,
+            grid,
+            top: area.top,
+            bottom: area.bottom,
+            middle: 0.5 * (area.bottom + area.top),
+            anchor,
+        })
     }
 
     /// The grid.
@@ -175,7 +186,8 @@ impl Surface {
         let place = |k: usize| {
             let depth = Some(depths.median[k]).filter(|depth| *depth > 0.0)?;
             let point = on_ray(camera, [k % part.width as usize, k / part.width as usize], f64::from(depth));
-            Some((self.placement.to_map(self.model.frame.to_dataset(point))[2], point.map(|v| v as f32)))
+            let height = self.placement.to_map(self.model.frame.to_dataset(point))[2];
+            (height >= self.bottom).then_some((height, point.map(|v| v as f32)))
         };
         let places: Vec<_> = (0..part.cells()).into_par_iter().map(place).collect();
         for (k, pixel) in picture.rgbt.chunks_exact(4).enumerate() {

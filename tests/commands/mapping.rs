@@ -1,19 +1,41 @@
 //! `map`: the files of a map, cells without data, and maps that cannot be made.
 
 use std::fs;
+use std::path::{Path, PathBuf};
 
 use psrgs_vk::format::ply;
 use psrgs_vk::scene::{Frame, Gaussians};
 
-use crate::run::{fails, shared, text, works};
+use crate::run::{Shared, copy_folder, fails, shared, text, works};
 use crate::viewing::json;
+
+/// The cameras of a dataset without its photographs, so that nothing says where it lies.
+fn cameras(shared: &Shared, folder: &Path) -> PathBuf {
+    let to = folder.join("cameras");
+    copy_folder(&shared.data().join("sparse"), &to.join("sparse"));
+    to
+}
+
+#[test]
+fn photographs_with_positions_have_a_map_on_earth() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("map");
+    let (model, data) = (shared.model(), shared.data());
+    let said = works(&["map", text(&model), "--cameras", text(&data), "--out", text(&out)]);
+    let about = json(&out.join("map.json"));
+    assert_eq!(about["epsg"].as_u64(), Some(32_632), "{about}");
+    assert!(about["with_data"].as_u64() > Some(0) && said.contains("EPSG:32632"), "{said}");
+    assert!(!out.join("orthophoto.png").exists(), "a picture without a system's name");
+    assert_eq!(fs::read_dir(&out).expect("a folder").count(), 4);
+}
 
 #[test]
 fn a_map_has_its_files_and_their_numbers() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("map");
-    let (model, data) = (shared.model(), shared.data());
+    let (model, data) = (shared.model(), cameras(shared, folder.path()));
     let args = ["map", text(&model), "--cameras", text(&data), "--out", text(&out), "--dtm", "--hillshade"];
     let said = works(&args);
     assert!(said.contains("cells of ") && said.contains("the median of the photographs"), "{said}");
@@ -37,7 +59,7 @@ fn a_map_has_its_files_and_their_numbers() {
     let of = |name: &str| about["bounds"][name].as_f64().expect("a bound");
     let gsd = about["gsd"].as_f64().expect("a distance");
     assert_eq!(lines[..4], [gsd, 0.0, 0.0, -gsd]);
-    assert!((lines[4] - gsd / 2.0 - of("west")).abs() < 1e-9 && (lines[5] + gsd / 2.0 - of("north")).abs() < 1e-9);
+    assert!((lines[4] - gsd / 2.0 - of("west")).abs() < 1e-6 && (lines[5] + gsd / 2.0 - of("north")).abs() < 1e-6);
     let left: Vec<_> = fs::read_dir(&out).expect("a folder").flatten().map(|entry| entry.file_name()).collect();
     assert_eq!(left.len(), 8, "{left:?}");
 }
@@ -48,7 +70,7 @@ fn cells_that_no_photograph_sees_have_no_data() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("map");
-    let (model, data) = (shared.model(), shared.data());
+    let (model, data) = (shared.model(), cameras(shared, folder.path()));
     let args = ["map", text(&model), "--cameras", text(&data), "--out", text(&out)];
     let said = works(&[&args[..], &["--gsd", "0.5", "--bounds", "-900,-910,-890,-900"]].concat());
     assert!(said.contains("no cell has data"), "{said}");
@@ -64,7 +86,7 @@ fn maps_that_cannot_be_made_say_why() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("map");
-    let (model, data) = (shared.model(), shared.data());
+    let (model, data) = (shared.model(), cameras(shared, folder.path()));
     let args = ["map", text(&model), "--cameras", text(&data), "--out", text(&out)];
     let with = |more: &[&'static str]| [&args[..], more].concat();
     fails(&with(&["--gsd", "0"]), 2, &["positive number of metres, not 0"]);
