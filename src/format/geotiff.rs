@@ -196,6 +196,7 @@ impl Writer {
     pub fn finish(mut self) -> Result<(), Error> {
         self.fill()?;
         let header = Header::new(&self.picture, &self.levels);
+        self.write_beside()?;
         let (file, levels, mut store) = (&self.file, &self.levels, self.store);
         atomic::write(file, |out| {
             out.write_all(&header.bytes)?;
@@ -204,6 +205,26 @@ impl Writer {
             }
             Ok(())
         })
+    }
+
+    /// A system without a code stands in a file beside, which GDAL reads first. Such a file of a former picture goes.
+    fn write_beside(&self) -> Result<(), Error> {
+        let mut name = self.file.clone().into_os_string();
+        name.push(".aux.xml");
+        let beside = PathBuf::from(name);
+        match &self.picture.keys.system {
+            System::Wkt(wkt) => {
+                let escaped = directory::escaped(wkt);
+                let text = format!("<PAMDataset>\n  <SRS>{escaped}</SRS>\n</PAMDataset>\n");
+                atomic::write(&beside, |out| out.write_all(text.as_bytes()))
+            }
+            _ => match std::fs::remove_file(&beside) {
+                Err(problem) if problem.kind() != io::ErrorKind::NotFound => {
+                    Err(Error::io(&beside, "remove the former")(problem))
+                }
+                _ => Ok(()),
+            },
+        }
     }
 
     /// Adds empty tiles where none were added.

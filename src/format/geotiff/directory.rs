@@ -128,9 +128,13 @@ impl Directory {
     }
 }
 
+/// Text within XML.
+pub(super) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
 /// What each band is, as GDAL reads it.
 fn descriptions(bands: &[String]) -> String {
-    let escaped = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
     let item = |(k, text): (usize, &String)| {
         format!("  <Item name=\"DESCRIPTION\" sample=\"{k}\" role=\"description\">{}</Item>\n", escaped(text))
     };

@@ -5,7 +5,7 @@
 pub enum System {
     /// A projected system by its EPSG code.
     Code(u32),
-    /// A projected system by its text in WKT 1.
+    /// A projected system by its text in WKT 1, which stands in a file beside the picture.
     Wkt(String),
     /// A local system, whose place on Earth is not known.
     Local,
@@ -24,41 +24,31 @@ const MODEL_TYPE: u16 = 1024;
 const RASTER_TYPE: u16 = 1025;
 const CITATION: u16 = 1026;
 const PROJECTED: u16 = 3072;
-const PROJECTED_CITATION: u16 = 3073;
 const UNITS: u16 = 3076;
 const METRE: u16 = 9001;
 const USER_DEFINED: u16 = 32_767;
 const AREA: u16 = 1;
 /// The field of the texts.
 const TEXTS: u16 = 34_737;
-/// Where GDAL finds a system's text.
-const WKT_MARK: &str = "ESRI PE String = ";
 
 impl GeoKeys {
     /// The fields GeoKeyDirectory and GeoAsciiParams.
     pub(super) fn encoded(&self) -> (Vec<u16>, String) {
-        let mut text = String::new();
+        // Texts end at a bar.
+        let plain = |c: char| if c.is_ascii() && c != '|' { c } else { '?' };
+        let mut text: String = self.citation.chars().take(4000).map(plain).collect();
+        text.push('|');
         let mut keys: Vec<[u16; 4]> = Vec::new();
-        let mut say = |keys: &mut Vec<[u16; 4]>, key: u16, value: &str| {
-            // Texts end at a bar.
-            let value: String = value.chars().map(|c| if c.is_ascii() && c != '|' { c } else { '?' }).collect();
-            keys.push([key, TEXTS, value.len() as u16 + 1, text.len() as u16]);
-            text.push_str(&value);
-            text.push('|');
-        };
         let model = if self.system == System::Local { USER_DEFINED } else { 1 };
         keys.push([MODEL_TYPE, 0, 1, model]);
         keys.push([RASTER_TYPE, 0, 1, AREA]);
-        say(&mut keys, CITATION, &self.citation);
+        keys.push([CITATION, TEXTS, text.len() as u16, 0]);
         match &self.system {
             System::Code(code) => match u16::try_from(*code) {
                 Ok(code) => keys.push([PROJECTED, 0, 1, code]),
                 Err(_) => keys.push([PROJECTED, 0, 1, USER_DEFINED]),
             },
-            System::Wkt(wkt) => {
-                keys.push([PROJECTED, 0, 1, USER_DEFINED]);
-                say(&mut keys, PROJECTED_CITATION, &format!("{WKT_MARK}{wkt}"));
-            }
+            System::Wkt(_) => keys.push([PROJECTED, 0, 1, USER_DEFINED]),
             System::Local => {}
         }
         keys.push([UNITS, 0, 1, METRE]);
