@@ -148,14 +148,14 @@ fn entry(name: &str, description: &str) -> [u8; ENTRY] {
 /// The position on whole steps; nothing where the format cannot hold it.
 fn placed(point: &CloudPoint, coordinates: &Coordinates<'_>) -> Option<[f64; 3]> {
     let mut at = [0.0; 3];
-    for k in 0..3 {
+    for (k, to) in at.iter_mut().enumerate() {
         let steps = ((point.position[k] - coordinates.offset[k]) / coordinates.step).round();
         // A comparison with NaN is false too.
         let held = steps >= f64::from(i32::MIN) && steps <= f64::from(i32::MAX);
         if !held {
             return None;
         }
-        at[k] = steps * coordinates.step + coordinates.offset[k];
+        *to = steps * coordinates.step + coordinates.offset[k];
     }
     Some(at)
 }
@@ -238,7 +238,7 @@ mod tests {
     fn points(count: u32) -> impl Iterator<Item = CloudPoint> {
         // Points in no order, as splats are.
         (0..count).map(|k| (k, f64::from(k.wrapping_mul(2_654_435_761) >> 8) * 1e-3)).map(|(k, far)| CloudPoint {
-            position: [500_000.0004 + far, 4_600_000.0 - far, 100.0 + 0.001 * f64::from(k)],
+            position: [500_000.000_4 + far, 4_600_000.0 - far, 100.0 + 0.001 * f64::from(k)],
             colour: [255, k as u8, 0],
             normal: [0.0, 0.6, 0.8],
             error: 0.02,

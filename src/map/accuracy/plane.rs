@@ -54,7 +54,9 @@ pub(super) fn solved<const N: usize, const M: usize>(mut rows: [[f64; M]; N]) ->
         let pivot = (k..N).max_by(|a, b| rows[*a][k].abs().total_cmp(&rows[*b][k].abs()))?;
         rows.swap(k, pivot);
         let size = rows[k].iter().fold(0.0_f64, |size, v| size.max(v.abs()));
-        if !(rows[k][k].abs() > 1e-12 * size) {
+        // A comparison with NaN is false too.
+        let independent = rows[k][k].abs() > 1e-12 * size;
+        if !independent {
             return None;
         }
         let row = rows[k];

@@ -14,7 +14,7 @@ fn brightness(x: f64, y: f64) -> f64 {
     let waves = (0..40).map(|_| {
         let (length, angle) = (random.range(4.0, 24.0), random.range(0.0, 3.1));
         let (phase, strength) = (random.range(0.0, 6.3), random.range(2.0, 8.0));
-        strength * (6.283 / length * (x * angle.cos() + y * angle.sin()) + phase).sin()
+        strength * (std::f64::consts::TAU / length * (x * angle.cos() + y * angle.sin()) + phase).sin()
     });
     128.0 + waves.sum::<f64>()
 }
