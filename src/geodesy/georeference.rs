@@ -183,7 +183,7 @@ impl Georeference {
         if let Lift::Offset([east, north]) = self.lift {
             return [q[0] - east, q[1] - north, q[2]];
         }
-        self.system.as_ref().map_or(q, |system| self.from_geodetic(system.to_geodetic(q)))
+        self.system.as_ref().map_or(q, |system| self.dataset_at(system.to_geodetic(q)))
     }
 
     /// The place of a dataset point on Earth; `None` in a local system.
@@ -203,7 +203,7 @@ impl Georeference {
     }
 
     /// The dataset point at a place on Earth, which is not known in a local system.
-    fn from_geodetic(&self, place: Geodetic) -> [f64; 3] {
+    fn dataset_at(&self, place: Geodetic) -> [f64; 3] {
         let plain = |system: &ReferenceSystem, offset: &[f64; 2], place| {
             let [x, y, z] = system.from_geodetic(place);
             [x - offset[0], y - offset[1], z]

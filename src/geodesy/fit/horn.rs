@@ -69,15 +69,13 @@ fn eigen(mut m: [[f64; 4]; 4]) -> ([f64; 4], [[f64; 4]; 4]) {
                 }
                 let angle = 0.5 * (2.0 * m[p][q]).atan2(m[q][q] - m[p][p]);
                 let (s, c) = angle.sin_cos();
-                for k in 0..4 {
-                    let (a, b) = (m[k][p], m[k][q]);
-                    (m[k][p], m[k][q]) = (c * a - s * b, s * a + c * b);
+                let turned = |a: f64, b: f64| (c * a - s * b, s * a + c * b);
+                for row in m.iter_mut().chain(&mut vectors) {
+                    (row[p], row[q]) = turned(row[p], row[q]);
                 }
+                let (a, b) = (m[p], m[q]);
                 for k in 0..4 {
-                    let (a, b) = (m[p][k], m[q][k]);
-                    (m[p][k], m[q][k]) = (c * a - s * b, s * a + c * b);
-                    let (a, b) = (vectors[k][p], vectors[k][q]);
-                    (vectors[k][p], vectors[k][q]) = (c * a - s * b, s * a + c * b);
+                    (m[p][k], m[q][k]) = turned(a[k], b[k]);
                 }
             }
         }
