@@ -107,7 +107,7 @@ fn save_model(run: &Finished<'_>, trainer: &mut Trainer, console: &Console) -> a
     let frame = run.dataset.frame;
     let file = run.folder.file(MODEL);
     ply::save_staged(&file, &model, &frame, run.settings.model.antialias, constrained)?;
-    let placed = GeoArgs::default().placed(&run.dataset)?;
+    let placed = GeoArgs::default().placed(run.dataset)?;
     let map = placed.georeference.record(frame.offset);
     FrameFile::new(frame, run.dataset.coordinates.clone()).with_map(map).write(&run.folder.file(FRAME_FILE))?;
     let exposures = trainer.exposures()?;
