@@ -96,7 +96,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     if model.splats() == 0 {
         return Err(anyhow::Error::from(map::Error::NoSplats).context(args.model.display().to_string()));
     }
-    let dataset = load(args)?;
+    let dataset = load(args, console)?;
     dataset.warnings.iter().filter(|warning| warning.is_of_files()).for_each(|warning| console.warn(warning));
     output_guard::check(&args.out, &dataset)?;
     let georeference = args.geo.placed(&dataset)?.georeference;
@@ -132,12 +132,16 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
 }
 
 /// The dataset at the full size of its photographs; their files may be missing.
-fn load(args: &Args) -> anyhow::Result<Dataset> {
+fn load(args: &Args, console: &Console) -> anyhow::Result<Dataset> {
     let host_memory = args.host.host_memory.map(|bytes| bytes.0);
     let options = LoadOptions { max_side: None, strict: args.strict, host_memory, ..LoadOptions::default() };
     Ok(match Dataset::load(&args.cameras, &options) {
         Ok(dataset) => dataset,
-        Err(_) => Dataset::load(&args.cameras, &LoadOptions { photographs: false, ..options })?,
+        Err(problem) => {
+            let dataset = Dataset::load(&args.cameras, &LoadOptions { photographs: false, ..options })?;
+            console.warn(format_args!("the map goes by the cameras alone, without masks and positions: {problem}"));
+            dataset
+        }
     })
 }
 

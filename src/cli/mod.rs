@@ -94,7 +94,7 @@ enum Command {
     Points(Box<points::Args>),
     Demo(demo::Args),
     Bench(bench::Args),
-    Check(check::Args),
+    Check(Box<check::Args>),
     Compare(compare::Args),
     Saliency(saliency::Args),
     Stereo(stereo::Args),

@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn points_on_a_map_are_turned_by_its_convergence_and_seen_from_above() {
+    fn points_on_a_map_are_turned_by_its_convergence() {
         let origin = Geodetic { latitude: 45.0, longitude: 11.0, altitude: 200.0 };
         let utm = ReferenceSystem::epsg(32_632).expect("a system");
         let map = Georeference::of_coordinates(&Coordinates::EastNorthUp { origin }, Some(utm)).expect("a map");

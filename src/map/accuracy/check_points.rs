@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn ground_control_points_serve_once_each_in_the_system_of_the_map() {
+    fn control_points_serve_once_each_in_the_system_of_the_map() {
         let text =
             "EPSG:32632\n657630.641 4984896.171 200 10 10 a.jpg one\n657630.641 4984896.171 200 20 9 b.jpg one\n";
         let same = ReferenceSystem::epsg(32_632).expect("a system");
