@@ -1,10 +1,10 @@
 //! A terrain model from a surface model: the progressive morphological filter of Zhang et al. (2003), on coarse
 //! cells.
 //!
-//! Coarse cells have the lower quartile of their heights. The filter opens them (a minimum, then a maximum over a
-//! square) with ever larger squares; where an opening takes away more than a threshold, something stands on the
-//! ground. The threshold grows with the square, as the ground may slope. What stands on the ground is filled from the
-//! ground around it by means of ever coarser cells.
+//! Coarse cells have the lower quartile of their heights. Pits go first, because openings widen them. The filter opens
+//! the cells (a minimum, then a maximum over a square) with ever larger squares; where an opening takes away more than a
+//! threshold, something stands on the ground. The threshold grows with the square, as the ground may slope. What stands
+//! on the ground is filled from the ground around it by means of ever coarser cells.
 
 /// Side in metres that coarse cells have at least.
 const COARSE: f64 = 0.5;
@@ -16,6 +16,10 @@ const REACH: f64 = 25.0;
 const SLOPE: f64 = 0.3;
 /// Thresholds in metres of the smallest square, and of the largest.
 const THRESHOLDS: [f64; 2] = [0.3, 3.0];
+/// Side in metres of the squares in which pits are looked for.
+const PIT_SQUARE: f64 = 16.0;
+/// A cell this far in metres below nine tenths of the squares around it is a pit: a hole between splats, not ground.
+const PIT_DEPTH: f32 = 2.0;
 /// A cell this near to the ground, in metres, keeps its own height.
 const NEAR: f64 = 0.3;
 
@@ -68,6 +72,7 @@ impl Ground {
 
     /// Leaves the ground alone, in all cells.
     pub(super) fn filter(&mut self) {
+        self.drop_pits();
         let mut level = self.cells.clone();
         let most = (REACH / self.side).ceil().max(1.0) as usize;
         let mut before = 0;
@@ -89,6 +94,29 @@ impl Ground {
             (before, radius) = (radius_now, 2 * radius);
         }
         filled(&mut self.cells, self.width, self.height);
+    }
+
+    /// Leaves out cells far below a tenth of the heights of their square and of each square beside it.
+    fn drop_pits(&mut self) {
+        let square = ((PIT_SQUARE / self.side).ceil() as usize).max(2);
+        let (across, down) = (self.width.div_ceil(square), self.height.div_ceil(square));
+        let mut members: Vec<Vec<f32>> = vec![Vec::new(); across * down];
+        let width = self.width;
+        let square_of = |cell: usize| cell / width / square * across + cell % width / square;
+        for (cell, height) in self.cells.iter().enumerate().filter(|(_, height)| height.is_finite()) {
+            members[square_of(cell)].push(*height);
+        }
+        let low = |heights: &mut Vec<f32>| {
+            let tenth = heights.len() / 10;
+            if heights.is_empty() { f32::NAN } else { *heights.select_nth_unstable_by(tenth, f32::total_cmp).1 }
+        };
+        let levels: Vec<f32> = members.iter_mut().map(low).collect();
+        let lowest = spread(&levels, (across, down), 1, f32::min);
+        for (cell, height) in self.cells.iter_mut().enumerate() {
+            if *height < lowest[square_of(cell)] - PIT_DEPTH {
+                *height = f32::NAN;
+            }
+        }
     }
 
     fn opened(&self, cells: &[f32], radius: usize) -> Vec<f32> {
@@ -199,6 +227,21 @@ mod tests {
                     assert!(got == &want || (got.is_nan() && want.is_nan()), "radius {radius} at {at}: {got}, {want}");
                 }
             }
+        }
+    }
+
+    /// Pits so close to one another that every large square holds one.
+    #[test]
+    fn pits_between_splats_do_not_pull_the_ground_down() {
+        const SIDE: u32 = 256;
+        let pit = |x: u32, y: u32| x % 40 < 4 && y % 40 < 4;
+        let heights: Vec<f32> = (0..SIDE * SIDE).map(|k| if pit(k % SIDE, k / SIDE) { -30.0 } else { 1.0 }).collect();
+        let mut ground = Ground::new(SIDE, SIDE, 0.5, SIDE);
+        ground.take((0, 0), SIDE, &heights);
+        ground.filter();
+        for (k, own) in heights.iter().enumerate() {
+            let found = ground.at(k as u32 % SIDE, k as u32 / SIDE, *own);
+            assert!((found - 1.0).abs() < 0.01, "{found} m at {k}");
         }
     }
 
