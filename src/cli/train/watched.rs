@@ -19,7 +19,7 @@ use crate::cli::live_page;
 
 /// Share of time that viewing may take from the training: drawing, and where the device is a processor the work of the
 /// server as well. The browser on the same processor takes its own time beside that.
-const SHARE: f64 = 0.09;
+const SHARE: f64 = 0.08;
 
 /// Pictures a second while somebody moves: beside a training, and of a training that rests or is done.
 const RATES: [f64; 2] = [5.0, 15.0];
