@@ -1,9 +1,9 @@
 //! Where a dataset lies on a map, as commands are told and tell.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use psrgs_vk::dataset::Dataset;
 use psrgs_vk::dataset::georeference::{FitReport, PlaceOptions, Placed};
+use psrgs_vk::dataset::{Dataset, LoadOptions};
 use psrgs_vk::geodesy::{self, KnownFrom, ReferenceSystem, VerticalDatum};
 use psrgs_vk::numbers::{counted, fraction};
 
@@ -56,6 +56,21 @@ impl GeoArgs {
         warnings(&placed).iter().for_each(|line| console.warn(format_args!("{line}")));
         Ok(placed)
     }
+}
+
+/// Reads a dataset for its cameras; the photographs, which may note positions and have masks, may be missing.
+pub(crate) fn dataset(folder: &Path, options: LoadOptions, console: &Console) -> anyhow::Result<Dataset> {
+    let dataset = match Dataset::load(folder, &options) {
+        Ok(dataset) => dataset,
+        Err(problem) if options.strict => return Err(problem.into()),
+        Err(problem) => {
+            let dataset = Dataset::load(folder, &LoadOptions { photographs: false, ..options })?;
+            console.warn(format_args!("only the cameras are used, neither masks nor positions: {problem}"));
+            dataset
+        }
+    };
+    dataset.warnings.iter().filter(|warning| warning.is_of_files()).for_each(|warning| console.warn(warning));
+    Ok(dataset)
 }
 
 /// The reference system, and what the fit left.

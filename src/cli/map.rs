@@ -6,6 +6,7 @@ use std::str::FromStr;
 
 use anyhow::Context as _;
 use psrgs_vk::dataset::{Dataset, LoadOptions, Role};
+use psrgs_vk::geodesy::Georeference;
 use psrgs_vk::map::products::{self, About, Wanted};
 use psrgs_vk::map::{self, Area, Bounds, Grid, Photographs, Placement, Surface};
 use psrgs_vk::numbers::{counted, fraction, percent};
@@ -15,7 +16,8 @@ use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice, HostChoice};
 
 use super::console::Console;
 use super::exit::Failure;
-use super::geo_args::GeoArgs;
+use super::geo_args::{self, GeoArgs};
+use super::look_args::StrictArgs;
 use super::map_accuracy::{CheckArgs, Judge, WrittenMap};
 use super::model_file::{DrawingArgs, ModelFile};
 use super::model_frame::FrameArgs;
@@ -53,9 +55,8 @@ pub(crate) struct Args {
     /// Draw as a model trained with --antialias [default: what the model file says]
     #[arg(long)]
     pub(crate) antialias: bool,
-    /// Refuse a file with a record that cannot be used; otherwise up to a tenth of them are left out, with a warning
-    #[arg(long)]
-    pub(crate) strict: bool,
+    #[command(flatten)]
+    pub(crate) files: StrictArgs,
     #[command(flatten)]
     pub(crate) geo: GeoArgs,
     #[command(flatten)]
@@ -92,16 +93,17 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     {
         return Err(map::Error::Gsd(gsd).into());
     }
-    let model = ModelFile::read(&args.model, args.antialias, &args.frame, args.strict, console)?;
+    let model = ModelFile::read(&args.model, args.antialias, &args.frame, args.files.strict, console)?;
     if model.splats() == 0 {
         return Err(anyhow::Error::from(map::Error::NoSplats).context(args.model.display().to_string()));
     }
-    let dataset = load(args, console)?;
-    dataset.warnings.iter().filter(|warning| warning.is_of_files()).for_each(|warning| console.warn(warning));
+    let host_memory = args.host.host_memory.map(|bytes| bytes.0);
+    let options = LoadOptions { max_side: None, strict: args.files.strict, host_memory, ..LoadOptions::default() };
+    let dataset = geo_args::dataset(&args.cameras, options, console)?;
     output_guard::check(&args.out, &dataset)?;
-    let georeference = args.geo.placed(&dataset)?.georeference;
+    let georeference = args.geo.place(&dataset, console)?.georeference;
     let judge = Judge::find(&args.check, &args.cameras, &georeference)?;
-    let (placement, area, grid) = plan(args, &dataset, &model, console)?;
+    let (placement, area, grid) = plan(args, &dataset, &model, &georeference, console)?;
     fs::create_dir_all(&args.out).with_context(|| Failure::Output(args.out.display().to_string()))?;
 
     let gpu = device::open(&args.device, false, console)?;
@@ -131,33 +133,19 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     }
 }
 
-/// The dataset at the full size of its photographs; their files may be missing.
-fn load(args: &Args, console: &Console) -> anyhow::Result<Dataset> {
-    let host_memory = args.host.host_memory.map(|bytes| bytes.0);
-    let options = LoadOptions { max_side: None, strict: args.strict, host_memory, ..LoadOptions::default() };
-    Ok(match Dataset::load(&args.cameras, &options) {
-        Ok(dataset) => dataset,
-        Err(problem) => {
-            let dataset = Dataset::load(&args.cameras, &LoadOptions { photographs: false, ..options })?;
-            console.warn(format_args!("the map goes by the cameras alone, without masks and positions: {problem}"));
-            dataset
-        }
-    })
-}
-
 /// Where the map lies, and its cells.
 fn plan(
     args: &Args,
     dataset: &Dataset,
     model: &ModelFile,
+    georeference: &Georeference,
     console: &Console,
 ) -> anyhow::Result<(Placement, Area, Grid)> {
     let cameras: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();
     if cameras.is_empty() {
         return Err(anyhow::Error::from(map::Error::NoCameras).context(args.cameras.display().to_string()));
     }
-    let placed = args.geo.place(dataset, console)?;
-    let placement = Placement::new(placed.georeference, dataset.coordinates.as_ref(), &cameras);
+    let placement = Placement::new(georeference.clone(), dataset.coordinates.as_ref(), &cameras);
     let splats = model.in_scene(&dataset.frame);
     let area = Area::of(dataset, &splats, &placement).ok_or(map::Error::Nowhere)?;
     let (gsd, from) = match args.gsd {

@@ -14,7 +14,7 @@ use psrgs_vk::train::settings::{DeviceChoice, HostChoice};
 use super::console::Console;
 use super::exit::Failure;
 use super::export::opacity;
-use super::geo_args::GeoArgs;
+use super::geo_args::{self, GeoArgs};
 use super::look_args::StrictArgs;
 use super::model_file::ModelFile;
 use super::model_frame::{FrameArgs, ModelFrame};
@@ -87,7 +87,11 @@ fn of_splats(file: &Path, args: &Args, console: &Console) -> anyhow::Result<()> 
     if same(file, &args.out) {
         return Err(Failure::Usage(format!("--out {}: that is the model", args.out.display())).into());
     }
-    let dataset = args.cameras.as_deref().map(|data| cameras(data, args, console)).transpose()?;
+    let options = LoadOptions { strict: args.files.strict, ..LoadOptions::default() };
+    let dataset = args.cameras.as_deref().map(|data| geo_args::dataset(data, options, console)).transpose()?;
+    if let Some(dataset) = &dataset {
+        keep_out(&args.out, dataset)?;
+    }
     let georeference = match &dataset {
         Some(dataset) => args.geo.place(dataset, console)?.georeference,
         None => beside(file, args, console)?,
@@ -147,18 +151,6 @@ fn of_stereo(data: &Path, args: &Args, console: &Console) -> anyhow::Result<()> 
     let every = (cloud.points.len() / SAMPLE).max(1);
     let sample: Vec<[f64; 3]> = points.points().step_by(every).map(|point| point.position).collect();
     write(args, &georeference, &sample, points.points(), console)
-}
-
-/// The cameras of a dataset; its photographs are needed for the positions that they note, at most.
-fn cameras(data: &Path, args: &Args, console: &Console) -> anyhow::Result<Dataset> {
-    let options = LoadOptions { strict: args.files.strict, ..LoadOptions::default() };
-    let dataset = match Dataset::load(data, &options) {
-        Ok(dataset) => dataset,
-        Err(_) => Dataset::load(data, &LoadOptions { photographs: false, ..options })?,
-    };
-    dataset.warnings.iter().filter(|warning| warning.is_of_files()).for_each(|warning| console.warn(warning));
-    keep_out(&args.out, &dataset)?;
-    Ok(dataset)
 }
 
 /// Refuses a file in a folder of photographs.

@@ -1,5 +1,6 @@
 //! Splats as points on a map.
 
+use glam::{DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
@@ -111,15 +112,11 @@ fn times(rows: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
     rows.map(|row| (0..3).map(|k| row[k] * v[k]).sum())
 }
 
-/// An axis of a splat, a column of its rotation.
-fn axis(quat: [f64; 4], number: usize) -> [f64; 3] {
-    let length = quat.iter().map(|q| q * q).sum::<f64>().sqrt();
-    let [w, x, y, z] = if length > 0.0 { quat.map(|q| q / length) } else { [1.0, 0.0, 0.0, 0.0] };
-    match number {
-        0 => [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)],
-        1 => [2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)],
-        _ => [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)],
-    }
+/// An axis of a splat, a column of its rotation. A quaternion of no length turns nothing.
+fn axis([w, x, y, z]: [f64; 4], number: usize) -> [f64; 3] {
+    let turn = DQuat::from_xyzw(x, y, z, w);
+    let turn = if turn.length_squared() > 0.0 { turn.normalize() } else { DQuat::IDENTITY };
+    (turn * DVec3::AXES[number]).to_array()
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! In what steps coordinates are written.
 
+use super::quantile::quantile;
+
 /// Steps of coordinates in metres.
 const MILLIMETRE: f64 = 1e-3;
 
@@ -9,8 +11,7 @@ const MILLIMETRE: f64 = 1e-3;
 pub fn steps(positions: &[[f64; 3]], metres: bool) -> (f64, [f64; 3]) {
     let middle = |axis: usize| {
         let mut values: Vec<f64> = positions.iter().map(|p| p[axis]).filter(|v| v.is_finite()).collect();
-        values.sort_unstable_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(0.0)
+        quantile(&mut values, 0.5).unwrap_or(0.0)
     };
     let middles = [middle(0), middle(1), middle(2)];
     let step = if metres {
@@ -18,9 +19,8 @@ pub fn steps(positions: &[[f64; 3]], metres: bool) -> (f64, [f64; 3]) {
     } else {
         let far = |p: &[f64; 3]| (0..3).map(|k| (p[k] - middles[k]).abs()).fold(0.0, f64::max);
         let mut distances: Vec<f64> = positions.iter().map(far).filter(|v| v.is_finite()).collect();
-        distances.sort_unstable_by(f64::total_cmp);
         // Few splats far away do not decide.
-        let extent = distances.get(distances.len() * 9 / 10).copied().unwrap_or(1.0).clamp(1e-9, 1e9);
+        let extent = quantile(&mut distances, 0.9).unwrap_or(1.0).clamp(1e-9, 1e9);
         10_f64.powf(extent.log10().floor() - 6.0)
     };
     (step, middles.map(|v| (v / (1000.0 * step)).round() * 1000.0 * step))

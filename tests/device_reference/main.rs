@@ -103,6 +103,20 @@ impl Case {
         decided
     }
 
+    /// Compares what the device draws with the brute-force renderer; `far` is the unit of depths.
+    fn check_picture(&self, gpu: &Gpu, tile: TileShape, far: f64) {
+        let mut viewer = Viewer::with_variants(gpu, Variants::new(tile, GradientSum::Slots));
+        let planes = viewer.upload(&self.model).unwrap();
+        let picture = viewer.render(&planes, self.model.len() as u32, &self.shot, true).unwrap();
+        let (image, aux) = (&self.image, picture.aux.as_ref().unwrap());
+        for c in 0..3 {
+            self.check("colour", tile, 1.0, |i| image.colour[i][c], |i| picture.rgbt[4 * i + c]);
+            self.check("normal", tile, 1.0, |i| image.normal[i][c], |i| aux[4 * i + 1 + c]);
+        }
+        self.check("transmittance", tile, 1.0, |i| image.transmittance[i], |i| picture.rgbt[4 * i + 3]);
+        self.check("depth", tile, far, |i| image.depth[i], |i| aux[4 * i]);
+    }
+
     /// The largest error over the decided pixels of some channels.
     fn check(&self, what: &str, shape: TileShape, unit: f64, want: impl Fn(usize) -> f64, got: impl Fn(usize) -> f32) {
         let (mut worst, mut at) = (0.0, 0);
@@ -129,17 +143,7 @@ fn images_agree_with_the_brute_force_renderer() {
         seen += case.image.blended.iter().sum::<u32>();
         let far = case.splats.iter().flat_map(|s| s.mean).fold(1.0f64, |m, v| m.max(v.abs()));
         for tile in SHAPES {
-            let variants = Variants::new(tile, GradientSum::Slots);
-            let mut viewer = Viewer::with_variants(&gpu, variants);
-            let planes = viewer.upload(&case.model).unwrap();
-            let picture = viewer.render(&planes, case.model.len() as u32, &case.shot, true).unwrap();
-            let aux = picture.aux.as_ref().unwrap();
-            for c in 0..3 {
-                case.check("colour", tile, 1.0, |i| case.image.colour[i][c], |i| picture.rgbt[4 * i + c]);
-                case.check("normal", tile, 1.0, |i| case.image.normal[i][c], |i| aux[4 * i + 1 + c]);
-            }
-            case.check("transmittance", tile, 1.0, |i| case.image.transmittance[i], |i| picture.rgbt[4 * i + 3]);
-            case.check("depth", tile, far, |i| case.image.depth[i], |i| aux[4 * i]);
+            case.check_picture(&gpu, tile, far);
         }
     }
     assert!(seen > 100_000, "only {seen} splats blended in all");

@@ -73,16 +73,7 @@ fn maps_agree_with_the_brute_force_renderer() {
         let shot = RenderView { camera, projection, background };
         let case = Case { name: format!("a map, antialias {antialias}"), model, shot, settings, splats, image };
         for tile in SHAPES {
-            let mut viewer = Viewer::with_variants(&gpu, Variants::new(tile, GradientSum::Slots));
-            let planes = viewer.upload(&case.model).unwrap();
-            let picture = viewer.render(&planes, case.model.len() as u32, &case.shot, true).unwrap();
-            let aux = picture.aux.as_ref().unwrap();
-            for c in 0..3 {
-                case.check("colour", tile, 1.0, |i| case.image.colour[i][c], |i| picture.rgbt[4 * i + c]);
-                case.check("normal", tile, 1.0, |i| case.image.normal[i][c], |i| aux[4 * i + 1 + c]);
-            }
-            case.check("transmittance", tile, 1.0, |i| case.image.transmittance[i], |i| picture.rgbt[4 * i + 3]);
-            case.check("depth", tile, 6.0, |i| case.image.depth[i], |i| aux[4 * i]);
+            case.check_picture(&gpu, tile, 6.0);
         }
     }
     gpu.check_canaries().unwrap();
