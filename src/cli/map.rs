@@ -126,7 +126,8 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     match judge {
         Some(judge) => {
             let files = [products::SURFACE, products::ORTHOPHOTO, products::QUALITY];
-            let map = WrittenMap { folder: &args.out, files, data: &args.cameras, georeference: &georeference };
+            let cells = u64::from(about.width) * u64::from(about.height);
+            let map = WrittenMap { folder: &args.out, files, cells, data: &args.cameras, georeference: &georeference };
             judge.judge(&map, args.check.check_stereo.then_some((&gpu, &args.host)), console)
         }
         None => Ok(()),

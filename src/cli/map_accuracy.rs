@@ -22,7 +22,7 @@ use super::stereo;
 /// The file of a made-up world's parameters.
 const WORLD: &str = "world.toml";
 /// Most cells on which a world is looked at from above unasked.
-const MOST_CELLS: usize = 1 << 24;
+const MOST_CELLS: u64 = 1 << 24;
 /// Longer side of photographs for stereo.
 const STEREO_SIDE: u32 = 640;
 
@@ -46,6 +46,8 @@ pub(crate) struct WrittenMap<'a> {
     pub(crate) folder: &'a Path,
     /// Names of the surface model, the orthophoto and the quality layer.
     pub(crate) files: [&'a str; 3],
+    /// How many cells it has.
+    pub(crate) cells: u64,
     /// The dataset.
     pub(crate) data: &'a Path,
     /// From the dataset to the map.
@@ -115,6 +117,10 @@ impl Judge {
         stereo: Option<(&Gpu, &HostChoice)>,
         console: &Console,
     ) -> anyhow::Result<()> {
+        if let (Against::World(_), Some(why)) = (&self.against, untold(map)) {
+            console.say(format_args!("accuracy: not told {why}"));
+            return Ok(());
+        }
         let Some(layers) = Layers::read(map, console) else { return Ok(()) };
         let Layers { cells, corner, .. } = layers;
         let out = map.folder.join(FILE);
@@ -124,15 +130,6 @@ impl Judge {
                 let report = PointReport { reference: self.name, gsd: cells.gsd, names: points.names, points: errors };
                 report.lines().iter().for_each(|line| console.say(line));
                 return write(&out, &report);
-            }
-            Against::World(_) if map.georeference.system().is_none() => {
-                console.say("accuracy: not told for a map in a local system");
-                return Ok(());
-            }
-            Against::World(_) if cells.width * cells.height > MOST_CELLS => {
-                let (count, most) = (grouped((cells.width * cells.height) as u64), grouped(MOST_CELLS as u64));
-                console.say(format_args!("accuracy: not told for {count} cells, at most {most} are traced"));
-                return Ok(());
             }
             Against::World(world) => Known::of_world(&world, cells, corner, map.georeference.system())?,
             Against::Raster(raster) => Known::of_raster(&raster, cells, corner),
@@ -145,6 +142,15 @@ impl Judge {
         report.warnings().iter().for_each(|line| console.warn(line));
         write(&out, &report)
     }
+}
+
+/// Why a map is not compared with its world.
+fn untold(map: &WrittenMap<'_>) -> Option<String> {
+    if map.georeference.system().is_none() {
+        return Some("for a map in a local system".to_owned());
+    }
+    let (count, most) = (grouped(map.cells), grouped(MOST_CELLS));
+    (map.cells > MOST_CELLS).then(|| format!("for {count} cells, at most {most} are traced"))
 }
 
 /// A surface model in the map's system.
