@@ -66,6 +66,7 @@
 //! ```
 
 pub mod bench;
+pub mod blocks;
 mod byte_size;
 pub mod compare;
 pub mod dataset;

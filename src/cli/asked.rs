@@ -110,9 +110,9 @@ pub(crate) fn as_options(text: &str) -> Cow<'_, str> {
 }
 
 /// Words between backticks in the library's texts that are options but no settings of a training: `resume`, and
-/// settings of `eval` and `stereo`.
-const OF_OTHER_COMMANDS: [&str; 8] =
-    ["resume", "width", "height", "downscale", "agree", "checks", "window", "least-ncc"];
+/// settings of `eval`, `stereo` and `blocks`.
+const OF_OTHER_COMMANDS: [&str; 9] =
+    ["resume", "margin", "width", "height", "downscale", "agree", "checks", "window", "least-ncc"];
 
 /// A message for an option that a command lacks: the option was removed, or is a key of the settings and the command
 /// has `--set`.

@@ -7,7 +7,7 @@ use psrgs_vk::eval::{GeometryError, MetricsError, ReportError};
 use psrgs_vk::saliency;
 use psrgs_vk::train::settings::SettingsError;
 use psrgs_vk::world::WorldError;
-use psrgs_vk::{bench, dataset, format, map, perceptual, stereo, train, vk};
+use psrgs_vk::{bench, blocks, dataset, format, map, perceptual, stereo, train, vk};
 
 use super::driver_hint;
 
@@ -112,6 +112,14 @@ fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {
             bench::Error::NoTimestamps { .. } => DEVICE,
             bench::Error::NoSteps => USAGE,
             _ => FAILURE,
+        });
+    }
+    if let Some(planning) = cause.downcast_ref::<blocks::Error>() {
+        return Some(match planning {
+            blocks::Error::File(file) => of_file(file),
+            blocks::Error::Train(training) => of_training(training),
+            blocks::Error::TooSmall { .. } => MEMORY,
+            _ => INPUT,
         });
     }
     if let Some(saliency) = cause.downcast_ref::<saliency::Error>() {

@@ -2,6 +2,7 @@
 
 mod asked;
 mod bench;
+mod blocks;
 mod check;
 mod colour;
 mod compare;
@@ -94,6 +95,7 @@ enum Command {
     Points(Box<points::Args>),
     Demo(demo::Args),
     Bench(bench::Args),
+    Blocks(blocks::Args),
     Check(Box<check::Args>),
     Compare(compare::Args),
     Saliency(saliency::Args),
@@ -108,7 +110,10 @@ enum Command {
 /// The command with all its options. Settings of the library begin as those of the 3DGS reference. A training without a
 /// named method takes the better one.
 fn program() -> clap::Command {
-    Cli::command().mut_subcommand("train", |c| c.mut_arg("method", |arg| arg.default_value(train::METHOD.name())))
+    let better = |c: clap::Command| c.mut_arg("method", |arg| arg.default_value(train::METHOD.name()));
+    Cli::command()
+        .mut_subcommand("train", better)
+        .mut_subcommand("blocks", |blocks| blocks.mut_subcommand("plan", better))
 }
 
 /// Runs the command. Returns its exit code and prints an error to standard error.
@@ -159,7 +164,7 @@ fn wrong_arguments(error: &clap::Error) -> ! {
 /// Whether the command on the command line has `--set`.
 fn has_set() -> bool {
     let word = std::env::args_os().skip(1).find(|word| !word.to_string_lossy().starts_with('-'));
-    word.is_some_and(|word| word == "train" || word == "bench")
+    word.is_some_and(|word| word == "train" || word == "bench" || word == "blocks")
 }
 
 /// Fails where the validation layer was on and has reported anything until all devices were closed.
@@ -186,6 +191,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
         Command::Points(args) => points::run(args, console),
         Command::Demo(args) => demo::run(args, interrupt, console, started),
         Command::Bench(args) => bench::run(args, console),
+        Command::Blocks(args) => blocks::run(args, own, console),
         Command::Check(args) => check::run(args, own, console),
         Command::Compare(args) => compare::run(args, interrupt, console),
         Command::Saliency(args) => saliency::run(args, console),

@@ -12,6 +12,8 @@ use super::console;
 #[derive(clap::Args)]
 pub(crate) struct Args {}
 
+/// A command that shares more options than this with `train` has all settings of a training.
+const SHARED: usize = 20;
 /// Heading of options without a heading of their own.
 const PLAIN: &str = "Options";
 
@@ -45,10 +47,14 @@ wins over its method. With fewer steps `lean`, `psrgs` and `psrgs-paper` scale t
 pub(crate) fn run(mut program: Command) -> anyhow::Result<()> {
     program.build();
     let mut text = OPENING.to_owned();
+    let train = program.find_subcommand("train");
     let mut commands: Vec<&Command> = program.get_subcommands().collect();
     commands.sort_by_key(|command| command.get_display_order());
     for command in commands {
-        text += &section(command);
+        text += &section(command, command.get_name(), None);
+        for part in command.get_subcommands() {
+            text += &section(part, &format!("{} {}", command.get_name(), part.get_name()), train);
+        }
     }
     text += &keys(&program);
     text += &methods()?;
@@ -71,10 +77,22 @@ fn keys(program: &Command) -> String {
     KEYS.to_owned() + &keys.map(row).collect::<String>()
 }
 
-fn section(command: &Command) -> String {
+/// The options of a command. Those of `whole`, which it may share, are named together.
+fn section(command: &Command, name: &str, whole: Option<&Command>) -> String {
+    let is_shared = |arg: &Arg| {
+        whole.is_some_and(|whole| whole.get_arguments().any(|of| of.get_id() == arg.get_id() && same_help(of, arg)))
+    };
+    let shares = command.get_arguments().filter(|arg| is_shared(arg)).count() > SHARED;
     let about = command.get_long_about().or(command.get_about()).map(ToString::to_string).unwrap_or_default();
-    let mut text = format!("\n## `{}`\n\n{}\n", command.get_name(), about.trim());
-    for (heading, args) in groups(command) {
+    let mut text = format!("\n## `{name}`\n\n{}\n", about.trim());
+    if let Some(whole) = whole.filter(|_| shares) {
+        text += &format!("\nThe settings of `{}` are options of this command too.\n", whole.get_name());
+    }
+    for (heading, mut args) in groups(command) {
+        args.retain(|arg| !(shares && is_shared(arg)));
+        if args.is_empty() {
+            continue;
+        }
         if heading != PLAIN {
             text += &format!("\n### {heading}\n");
         }
@@ -84,6 +102,11 @@ fn section(command: &Command) -> String {
         }
     }
     text
+}
+
+fn same_help(a: &Arg, b: &Arg) -> bool {
+    let help = |arg: &Arg| arg.get_help().map(ToString::to_string);
+    help(a) == help(b)
 }
 
 /// The arguments of a command under their headings.

@@ -195,6 +195,8 @@ pub struct Dataset {
     pub path: PathBuf,
     /// Its format.
     pub format: Format,
+    /// The files that cameras and points were read from.
+    pub files: Vec<PathBuf>,
     /// The folder of photographs; `None` when loaded without photographs.
     pub images: Option<ImagesFolder>,
     /// The masks, if any.
@@ -255,6 +257,7 @@ impl Dataset {
         Ok(Self {
             path: path.to_owned(),
             format: model.format,
+            files: model.files,
             images,
             masks,
             coordinates: model.coordinates,

@@ -94,6 +94,8 @@ pub(super) struct Model {
     pub(super) format: Format,
     /// The file with the poses.
     pub(super) file: PathBuf,
+    /// All files that the model was read from.
+    pub(super) files: Vec<PathBuf>,
     pub(super) shots: Vec<Shot>,
     /// Points by ascending id.
     pub(super) points: Vec<Point>,

@@ -165,6 +165,7 @@ pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
     warnings.extend(left_out.map(Warning::LeftOut));
     Ok(Model {
         format: Format::Nerfstudio,
+        files: all.iter().map(|read| read.json.file.clone()).chain(points_file.clone()).collect(),
         file: files.into_iter().next().map(|(file, _)| file).unwrap_or_default(),
         shots,
         points,

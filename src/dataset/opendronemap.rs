@@ -6,7 +6,7 @@
 //! offset in its second.
 //! and offset stand in `odm_georeferencing/coords.txt`: a line with the name, a line with easting and northing.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::Warning;
 use crate::scene::{Coordinates, Geodetic};
@@ -35,6 +35,11 @@ pub(super) fn coordinates(
     };
     warnings.push(Warning::CoordinatesUnknown { file: coords, problem });
     None
+}
+
+/// The files of the project that say its grid.
+pub(super) fn files(dataset: &Path) -> impl Iterator<Item = PathBuf> {
+    ["coords.txt", "proj.txt"].map(|name| dataset.join(FOLDER).join(name)).into_iter().filter(|file| file.is_file())
 }
 
 fn system_and_offset(text: &str) -> Option<(&str, [f64; 2])> {

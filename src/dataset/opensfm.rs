@@ -129,6 +129,7 @@ pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
     let coordinates = opendronemap::coordinates(dataset, &path, origin, &mut warnings);
     Ok(Model {
         format: Format::Opensfm,
+        files: std::iter::once(path.clone()).chain(opendronemap::files(dataset)).collect(),
         file: path.clone(),
         shots,
         points,

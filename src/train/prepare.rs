@@ -14,6 +14,7 @@ pub use colour_gains::{ColourGains, Gain};
 pub use colours::Uncoloured;
 pub use exposures::{ExposureEvidence, decide_exposures};
 pub use setup::{Setup, SetupEvent, SetupRequest};
+pub(crate) use stereo::finer;
 pub use stereo::{CloudReport, StereoReport, compute_stereo_priors, longer_side, splats_on_surfaces};
 pub use stereo_cost::stereo_settings;
 

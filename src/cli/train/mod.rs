@@ -126,23 +126,10 @@ impl Args {
                 unchanged_on_resume(&before, &resumed, run_folder::SETTINGS)?;
                 resumed
             }
-            (None, Some(file)) => {
-                let mut settings = asked.over(&Settings::read(file)?, given)?;
-                let written = if given("preset") { Vec::new() } else { Settings::keys(file)? };
-                let set = |key: &str| given(key) || written.iter().any(|k| k == key);
-                if let Some(chosen) = settings.run.preset {
-                    chosen.apply(&mut settings, false, set);
-                }
-                if !set("method") {
-                    settings.run.method = METHOD;
-                }
-                settings.run.method.apply(&mut settings, set);
-                settings
-            }
-            (None, None) => {
-                let mut settings = asked;
-                preset = presets::apply(&mut settings, given)?;
-                settings
+            (None, config) => {
+                let begun = begun(asked, config.as_deref(), given)?;
+                preset = begun.1;
+                begun.0
             }
         };
         if given("iterations") || given("preset") && !given("looks") {
@@ -165,13 +152,7 @@ impl Args {
             .into());
         };
         let out = self.resume.clone().or_else(|| self.out.clone()).unwrap_or_else(|| default_out(data, &settings));
-        settings.data = Some(absolute(data)?);
-        settings.run.init = settings.run.init.as_ref().map(absolute).transpose()?;
-        if let Some(LidarCloud::File(file)) = &mut settings.density.lidar {
-            *file = absolute(&file)?;
-        }
-        let weights = &mut settings.scoring.perceptual_weights;
-        *weights = weights.as_ref().map(absolute).transpose()?;
+        make_absolute(&mut settings)?;
         #[cfg(debug_assertions)]
         let (lose_device_at, keep_no_photographs) = (self.lose_device_at, self.keep_no_photographs);
         #[cfg(not(debug_assertions))]
@@ -181,6 +162,61 @@ impl Args {
         let view = self.view.clone();
         Ok(RunPlan { settings, out, resume, overwrite, preset, view, lose_device_at, keep_no_photographs })
     }
+}
+
+/// The settings of a training that begins: those asked for, over those of a file if one is given, with what preset and
+/// method set. With the message about the preset. `given` says which keys were named.
+fn begun(
+    asked: Settings,
+    config: Option<&Path>,
+    given: impl Fn(&str) -> bool,
+) -> anyhow::Result<(Settings, Option<String>)> {
+    let Some(file) = config else {
+        let mut settings = asked;
+        let preset = presets::apply(&mut settings, given)?;
+        return Ok((settings, preset));
+    };
+    let mut settings = asked.over(&Settings::read(file)?, &given)?;
+    let written = if given("preset") { Vec::new() } else { Settings::keys(file)? };
+    let set = |key: &str| given(key) || written.iter().any(|k| k == key);
+    if let Some(chosen) = settings.run.preset {
+        chosen.apply(&mut settings, false, set);
+    }
+    if !set("method") {
+        settings.run.method = METHOD;
+    }
+    settings.run.method.apply(&mut settings, set);
+    Ok((settings, None))
+}
+
+/// Makes the paths of settings independent of the folder that the program runs in.
+fn make_absolute(settings: &mut Settings) -> anyhow::Result<()> {
+    settings.data = settings.data.as_ref().map(absolute).transpose()?;
+    settings.run.init = settings.run.init.as_ref().map(absolute).transpose()?;
+    if let Some(LidarCloud::File(file)) = &mut settings.density.lidar {
+        *file = absolute(&file)?;
+    }
+    let weights = &mut settings.scoring.perceptual_weights;
+    *weights = weights.as_ref().map(absolute).transpose()?;
+    Ok(())
+}
+
+/// The settings of a training of blocks, with the message about the preset: those of a training that begins.
+pub(crate) fn settings_to_plan(
+    asked: &Asked,
+    config: Option<&Path>,
+    matches: &clap::ArgMatches,
+) -> anyhow::Result<(Settings, Option<String>)> {
+    let (asked, named) = asked.settings(matches)?;
+    let given = |key: &str| named.has(key);
+    can_be_kept(&asked)?;
+    let (mut settings, preset) = begun(asked, config, given)?;
+    if given("iterations") || given("preset") && !given("looks") {
+        settings.run.looks = None;
+    }
+    settings.check()?;
+    make_absolute(&mut settings)?;
+    Ok((settings, preset))
 }
 
 /// Refuses paths that a settings file cannot hold, because it is text.

@@ -73,6 +73,7 @@ pub(super) fn read(dataset: &Path, strict: bool) -> Result<Model, Error> {
     Ok(Model {
         format: Format::Colmap,
         shots,
+        files: [&files.cameras, &files.images].into_iter().chain(&files.points).cloned().collect(),
         file: files.images,
         points,
         colourless,

@@ -265,7 +265,7 @@ pub fn splats_on_surfaces(points: u32, asked: f64, fit: u32, settings: &Settings
 
 /// Factor for the first splats, relative to photographs of [`REFERENCE_SIDE`]. Larger photographs show finer detail of
 /// the same surface, but a short training learns fewer splats.
-fn finer(side: f64, steps: u32) -> f64 {
+pub(crate) fn finer(side: f64, steps: u32) -> f64 {
     (side / REFERENCE_SIDE).min((f64::from(steps) / REFERENCE_STEPS).sqrt()).max(1.0)
 }
 
