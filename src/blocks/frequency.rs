@@ -77,8 +77,7 @@ impl<'a> Frequency<'a> {
         let spacing =
             saliency::spacing_by_mask(&luma, &seen.mask, [geometry.stereo_error_low, geometry.stereo_error_high])?;
         let shrunk = [f64::from(luma.width()) / f64::from(width), f64::from(luma.height()) / f64::from(height)];
-        let times = shrunk[0] * shrunk[1]
-            * finer(longer_side([(width, height)]), self.settings.run.iterations);
+        let times = shrunk[0] * shrunk[1] * finer(longer_side([(width, height)]), self.settings.run.iterations);
         let of = |[u, v]: [f64; 2]| {
             let along = |at: f64, by: f64, side: u32| ((at * by) as u32).min(side.saturating_sub(1)) as usize;
             let (x, y) = (along(u, shrunk[0], luma.width()), along(v, shrunk[1], luma.height()));

@@ -31,8 +31,7 @@ impl<'a> Memory<'a> {
     /// what depends on neither.
     pub(super) fn of(&self, photographs: &[Chosen], splats: f64) -> Result<u64, Error> {
         let train = photographs.iter().filter_map(|(view, _)| self.views.get(*view as usize).copied().flatten());
-        let outline =
-            Outline { train: train.collect(), held_out: self.held_out.clone(), extent: Frame::EXTENT as f32 };
+        let outline = Outline { train: train.collect(), held_out: self.held_out.clone(), extent: Frame::EXTENT as f32 };
         let variants = chosen_variants(self.gpu, self.settings)?;
         // With one splat, the pairs are those that the tiles of a photograph ask for.
         let pacing = Pacing { splat_capacity: 1, ..Pacing::default() };

@@ -25,7 +25,7 @@ pub use ground::Ground;
 pub use hash::{FileRecord, sha256_of};
 pub use picture::picture;
 pub use plan::{Count, PlanRequest, Planned, model_sha256, plan};
-pub use table::table;
 pub use plan_file::{
     Block, DatasetRecord, FORMAT, GlobalModel, PLAN_FILE, PLAN_PICTURE, PlanFile, PlannedPhotograph, VERSION, is_inside,
 };
+pub use table::table;

@@ -175,10 +175,8 @@ fn map(planned: &Planned, sheet: &Sheet) -> String {
         let m = block.margin;
         let [u0, u1, v0, v1] = inside;
         if let Some([x, y, w, h]) = sheet.rectangle([u0 - m, u1 + m, v0 - m, v1 + m]) {
-            let _ = write!(
-                svg,
-                "<rect class=\"margin\" x=\"{x:.1}\" y=\"{y:.1}\" width=\"{w:.1}\" height=\"{h:.1}\"/>"
-            );
+            let _ =
+                write!(svg, "<rect class=\"margin\" x=\"{x:.1}\" y=\"{y:.1}\" width=\"{w:.1}\" height=\"{h:.1}\"/>");
         }
         svg += "</g>";
     }
@@ -294,8 +292,7 @@ fn table(planned: &Planned, top: f64, lines: usize) -> String {
     }
     if blocks.len() > lines {
         let y = top + LINE * (lines + 1) as f64 + 14.0;
-        let _ =
-            write!(svg, "<text class=\"soft\" x=\"{EDGE}\" y=\"{y:.1}\">and {} more</text>", blocks.len() - lines);
+        let _ = write!(svg, "<text class=\"soft\" x=\"{EDGE}\" y=\"{y:.1}\">and {} more</text>", blocks.len() - lines);
     }
     svg
 }

@@ -100,7 +100,9 @@ pub fn plan(gpu: &Gpu, request: &PlanRequest<'_>) -> Result<Planned, Error> {
         photographs: part
             .photographs
             .iter()
-            .filter_map(|(view, share)| Some(PlannedPhotograph { share: *share, ..records.get(*view as usize)?.clone()? }))
+            .filter_map(|(view, share)| {
+                Some(PlannedPhotograph { share: *share, ..records.get(*view as usize)?.clone()? })
+            })
             .collect(),
         steps: steps(part.photographs.len()),
         predicted_splats: part.splats.ceil() as u64,
@@ -281,11 +283,7 @@ fn inside(folder: &Path, file: &Path) -> Option<String> {
 }
 
 /// The records of the photographs that blocks use; each file is read once.
-fn photographs(
-    dataset: &Dataset,
-    used: &[bool],
-    share: &HostShare,
-) -> Result<Vec<Option<PlannedPhotograph>>, Error> {
+fn photographs(dataset: &Dataset, used: &[bool], share: &HostShare) -> Result<Vec<Option<PlannedPhotograph>>, Error> {
     let of = |(view, used): (&View, &bool)| {
         if !used {
             return Ok(None);
@@ -302,4 +300,3 @@ fn photographs(
     let costs = vec![1 << 18; all.len()];
     share.in_turns(&costs, |at| of(all[at])).into_iter().collect()
 }
-

@@ -21,8 +21,7 @@ pub fn table(plan: &PlanFile) -> String {
             percent(work, 1),
         ]);
     }
-    let widths: [usize; 8] =
-        std::array::from_fn(|k| rows.iter().map(|row| row[k].chars().count()).max().unwrap_or(0));
+    let widths: [usize; 8] = std::array::from_fn(|k| rows.iter().map(|row| row[k].chars().count()).max().unwrap_or(0));
     let line = |row: [String; 8]| {
         let cell = |(k, text): (usize, &String)| {
             let width = widths[k];

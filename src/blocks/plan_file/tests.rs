@@ -116,7 +116,8 @@ fn foreign_files_and_other_versions_are_told_apart() {
 
 #[test]
 fn names_that_lead_out_of_a_folder_are_refused() {
-    let names = ["../a.jpg", "/etc/a.jpg", "", ".", "a/../../b", "a//b", "a\\..\\b", "C:\\a", "c:a", "a\u{0}b", "a\nb", "a/"];
+    let names =
+        ["../a.jpg", "/etc/a.jpg", "", ".", "a/../../b", "a//b", "a\\..\\b", "C:\\a", "c:a", "a\u{0}b", "a\nb", "a/"];
     for name in names {
         assert!(!is_inside(name), "{name:?}");
         for error in [

@@ -70,7 +70,8 @@ pub(super) fn run(args: &Args, matches: &clap::ArgMatches, console: &Console) ->
         console.say(format_args!("{steps}"));
     }
     let share = prepare::host_share(&dataset, Role::Train, &settings.host);
-    let request = PlanRequest { dataset: &dataset, settings: &settings, count, margin: args.margin, share, timed: true };
+    let request =
+        PlanRequest { dataset: &dataset, settings: &settings, count, margin: args.margin, share, timed: true };
     let planned = blocks::plan(&gpu, &request)?;
     fs::create_dir_all(&args.out).with_context(|| Failure::Output(args.out.display().to_string()))?;
     atomic::write(&args.out.join(PLAN_PICTURE), |out| out.write_all(blocks::picture(&planned).as_bytes()))?;
@@ -108,7 +109,9 @@ fn check_folder(out: &Path, overwrite: bool) -> anyhow::Result<()> {
     let refused = |text: String| Err(Failure::Usage(format!("--out {}: {text}", out.display())).into());
     let ours = PlanFile::read(&file).is_ok();
     if is_there(&file) && !ours {
-        return refused(format!("{PLAN_FILE} there is no plan of this version: choose another folder, or move that file"));
+        return refused(format!(
+            "{PLAN_FILE} there is no plan of this version: choose another folder, or move that file"
+        ));
     }
     if is_there(&file) && !overwrite {
         return refused("there is a plan already; --overwrite replaces it".to_owned());
