@@ -161,10 +161,12 @@ class Depot:
 
     def _check_done(self, run: _Run, records: list[FileRecord], sources: dict[str, Path]) -> None:
         models = [record.sha256 for record in records if record.name == MODEL_FILE]
-        source = sources.get(f"{run.job.folder}/{DONE_FILE}")
-        data = source.read_bytes() if source else b"{}"
+        done = f"{run.job.folder}/{DONE_FILE}"
+        # What has landed with a checkpoint lies in place already.
+        source = sources.get(done, self._plan.folder / done)
+        data = source.read_bytes() if source.is_file() else b""
         if problem := done_problem(data, run.job.id, self._plan.sha256, models[0] if models else ""):
-            raise PlanProblem(f"{run.job.id}: the program ended well, but {problem}")
+            raise PlanProblem(f"the program ended well, but {problem}")
 
     def tell(self, job: str, attempt: int, note: str) -> None:
         """What a worker does right now."""

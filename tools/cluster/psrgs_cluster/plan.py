@@ -70,8 +70,8 @@ def read(folder: Path) -> Plan:
 
 
 def _read(folder: Path, sha256: str, plan: dict[str, Any]) -> Plan:
-    if plan.get("format") != FORMAT:
-        raise PlanProblem(f"format is {plan.get('format')!r}: this is no plan of blocks")
+    if not isinstance(plan, dict) or plan.get("format") != FORMAT:
+        raise PlanProblem(f"its format is not '{FORMAT}': this is no plan of blocks")
     if plan.get("version") != VERSION:
         raise PlanProblem(f"version is {plan.get('version')!r}, and {VERSION} is read: plan anew")
     dataset = plan["dataset"]
@@ -127,7 +127,7 @@ def done_problem(done: bytes, job: str, plan_sha256: str, model_sha256: str) -> 
     wanted = {"format": DONE_FORMAT, "block": job, "plan_sha256": plan_sha256, "model_sha256": model_sha256}
     try:
         found = json.loads(done)
-        wrong = [key for key, value in wanted.items() if found[key] != value]
-    except (ValueError, KeyError, TypeError) as error:
-        return f"{DONE_FILE} is missing or damaged ({type(error).__name__}: {error})"
-    return f"{DONE_FILE} tells of something else: its {wrong[0]} is {found[wrong[0]]!r}" if wrong else None
+        wrong = [key for key, value in wanted.items() if found.get(key) != value]
+    except (ValueError, AttributeError) as error:
+        return f"{DONE_FILE} is missing or damaged ({error})"
+    return f"{DONE_FILE} tells of something else: its {wrong[0]} is {found.get(wrong[0])!r}" if wrong else None

@@ -6,18 +6,26 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 FAKE = Path(__file__).with_name("fake_program.py")
 TOKEN = "0123456789abcdef" * 2
 # Before Ray is loaded: Ray reads its environment then.
 os.environ |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": TOKEN, "RAY_USAGE_STATS_ENABLED": "0"}
-os.environ["RAY_DEDUP_LOGS"] = "0"
 STORE = 200 << 20
 
 
+class Start(NamedTuple):
+    """A start of the fake program."""
+
+    block: str
+    step: int
+    process: int
+    machine: str
+
+
 class TwoMachines:
-    """A head without devices, on which commands run, and machines with a device each."""
+    """A head without devices, on which commands run, and machines with a device each: usually two."""
 
     def __init__(self, folder: Path) -> None:
         from ray.cluster_utils import Cluster
@@ -26,24 +34,40 @@ class TwoMachines:
         self.events = folder / "events"
         self.cluster = Cluster(
             initialize_head=True,
-            head_node_args={"num_cpus": 0, "object_store_memory": STORE, "include_dashboard": False},
+            head_node_args={
+                "num_cpus": 0,
+                "object_store_memory": STORE,
+                "include_dashboard": False,
+                # A machine that is gone is noticed within 3 seconds, not 15 and more.
+                "_system_config": {"health_check_initial_delay_ms": 1000, "health_check_period_ms": 1000},
+            },
         )
+        # By name; with whether the machine is like any other.
+        self._machines: dict[str, tuple[Any, bool]] = {}
         self._count = 0
 
-    def add(self, **environment: str) -> Any:
-        """A machine whose workers have an environment of their own."""
+    def add(self, cache: str | None = None, **environment: str) -> str:
+        """A machine whose workers may have an environment of their own. Returns its name."""
         self._count += 1
         name = f"machine{self._count}"
-        cache = environment.pop("cache", str(self.folder / name))
-        own = {"XDG_CACHE_HOME": cache, "FAKE_NODE": name, "FAKE_EVENTS": str(self.events), **environment}
+        own = {"XDG_CACHE_HOME": cache or str(self.folder / name), "FAKE_NODE": name, "FAKE_EVENTS": str(self.events)}
         node = self.cluster.add_node(
-            num_cpus=1, resources={"vulkan": 1}, object_store_memory=STORE, env_vars=own, wait=True
+            num_cpus=1, resources={"vulkan": 1}, object_store_memory=STORE, env_vars=own | environment, wait=True
         )
-        node.name = name
-        return node
+        self._machines[name] = (node, not cache and not environment)
+        return name
 
-    def remove(self, node: Any, gently: bool = False) -> None:
-        self.cluster.remove_node(node, allow_graceful=gently)
+    def remove(self, name: str) -> None:
+        """Removes a machine at once, as if its power were cut."""
+        self.cluster.remove_node(self._machines.pop(name)[0], allow_graceful=False)
+
+    def keep(self, count: int) -> None:
+        """Leaves or adds as many usual machines."""
+        usual = [name for name, (_, is_usual) in self._machines.items() if is_usual]
+        for name in set(self._machines) - set(usual[:count]):
+            self.remove(name)
+        for _ in range(count - len(usual)):
+            self.add()
 
     def start(self, plan: Path, *options: str, **environment: str) -> "subprocess.Popen[str]":
         command = [sys.executable, "-c", "import sys; from psrgs_cluster.command import main; sys.exit(main())"]
@@ -59,17 +83,18 @@ class TwoMachines:
     def run(self, plan: Path, *options: str, **environment: str) -> tuple[int, str]:
         return end(self.start(plan, *options, **environment))
 
-    def started(self) -> list[tuple[str, int, int, str]]:
-        """Starts of the program: block, first step, process, machine."""
+    def started(self) -> list[Start]:
+        """All starts of the fake program."""
         lines = self.events.read_text().split("\n")[:-1] if self.events.exists() else []
-        return [(block, int(step), int(pid), node) for block, step, pid, node in map(str.split, lines)]
+        return [Start(block, int(step), int(pid), node) for block, step, pid, node in map(str.split, lines)]
 
 
 def end(process: Any) -> tuple[int, str]:
     """Exit code and what the command said."""
     code = process.wait(timeout=90)
-    process.said.seek(0)
-    return code, process.said.read()
+    with process.said as said:
+        said.seek(0)
+        return code, said.read()
 
 
 def wait_until(what: str, condition: Any, seconds: float = 40.0) -> Any:
@@ -87,3 +112,7 @@ def is_running(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
     except FileNotFoundError:
         return False
+
+
+def parent_of(pid: int) -> int:
+    return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Plays `psrgs-vk blocks run` in a few seconds: reads what a block has, checkpoints, goes on from the last one.
 
-What it writes depends on its input alone. The environment says how it runs: FAKE_VERSION, FAKE_SECONDS of a step, and
-FAKE_EVENTS, a file that gets a line for each start.
+What it writes depends on its input alone. The settings of the plan say how long a step takes and how large a checkpoint
+is. The environment says which version the program has, and names a file that gets a line for each start.
 """
 
 import hashlib
@@ -27,8 +27,8 @@ def fail(code: int, message: str) -> None:
     sys.exit(code)
 
 
-def start(run: Path, plan: Path, block: str, data: Path) -> bytes:
-    """The state of the training before the first step: a hash of all that the block is made from."""
+def start(plan: Path, block: str, data: Path) -> tuple[bytes, dict]:
+    """The state of the training before the first step, a hash of all that the block is made from; and the settings."""
     digest = hashlib.sha256((plan / "blocks.json").read_bytes())
     described = json.loads((plan / "blocks.json").read_bytes())
     if block != "global":
@@ -45,9 +45,11 @@ def start(run: Path, plan: Path, block: str, data: Path) -> bytes:
     for name in sorted(files):
         content = (data / name).read_bytes()
         if b"damaged" in content:
-            fail(3, f"{data / name}: the photograph cannot be decoded")
+            fail(3, f"{name}: the photograph cannot be decoded")
+        if b"deadly" in content:
+            fail(1, f"{name}: a defect of the program")
         digest.update(content)
-    return digest.digest()
+    return digest.digest(), described["settings"]
 
 
 def main() -> None:
@@ -57,10 +59,11 @@ def main() -> None:
     plan, block, data = Path(sys.argv[3]), sys.argv[5], Path(sys.argv[7])
     assert sys.argv[1:3] + sys.argv[4:7:2] == ["blocks", "run", "--block", "--data"], sys.argv
     run = plan / ("global" if block == "global" else f"blocks/{block}")
-    state, step = start(run, plan, block, data), 0
+    (state, settings), step = start(plan, block, data), 0
+    settings = dict(line.split(" = ") for line in settings.splitlines())
     if checkpoints := sorted(run.glob("checkpoints/*.ckpt")):
-        step, text = checkpoints[-1].read_text().split()[:2]
-        state, step = bytes.fromhex(text), int(step)
+        step, state = json.loads(checkpoints[-1].read_bytes().splitlines()[0])
+        state = bytes.fromhex(state)
     if events := os.environ.get("FAKE_EVENTS"):
         with open(events, "a") as file:
             file.write(f"{block} {step} {os.getpid()} {os.environ.get('FAKE_NODE', '?')}\n")
@@ -68,10 +71,10 @@ def main() -> None:
     while step < STEPS:
         step, state = step + 1, hashlib.sha256(state).digest()
         print(f"step {step} of {STEPS}", file=sys.stderr, flush=True)
-        time.sleep(float(os.environ.get("FAKE_SECONDS", "0.05")))
+        time.sleep(float(os.environ.get("FAKE_SECONDS", settings["seconds"])))
         if step % EVERY == 0:
-            bulk = state * int(os.environ.get("FAKE_BULK", "1"))
-            write(run / f"checkpoints/step_{step:06}.ckpt", f"{step} {state.hex()}\n".encode() + bulk)
+            bulk = state * int(settings["bulk"])
+            write(run / f"checkpoints/step_{step:06}.ckpt", json.dumps([step, state.hex()]).encode() + b"\n" + bulk)
             for old in sorted(run.glob("checkpoints/*.ckpt"))[:-2]:
                 old.unlink()
     model = b"ply\n" + state * 1000

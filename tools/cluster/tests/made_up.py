@@ -18,8 +18,12 @@ def photograph(data: Path, name: str) -> dict[str, object]:
     return {**kept, "name": name, "file": kept["name"], "share": 0.5, "mask": mask}
 
 
-def make(folder: Path) -> Path:
-    """A dataset and a plan of four blocks that share photographs. Returns the plan's folder."""
+def make(folder: Path, seconds: float = 0.03, bulk: int = 1, last: bytes = b"") -> Path:
+    """A dataset and a plan of four blocks that share photographs. Returns the plan's folder.
+
+    A step of the fake program takes so many seconds, and a checkpoint has so many times 32 bytes. The photograph p7,
+    which only block b03 has, begins with `last`.
+    """
     data, plan = folder / "data", folder / "plan"
     for name in ("images", "masks", "sparse/0"):
         (data / name).mkdir(parents=True)
@@ -28,12 +32,13 @@ def make(folder: Path) -> Path:
     for k in range(8):
         (data / f"images/p{k}.jpg").write_bytes(bytes([k]) * (1000 + k))
         (data / f"masks/p{k}.jpg.png").write_bytes(bytes([100 + k]) * 20)
+    (data / "images/p7.jpg").write_bytes(last + b"p7")
     blocks = [
         {
             "id": block,
             "cell": [None, None, None, None],
             "margin": 1.0,
-            "photographs": [photograph(data, f"p{(2 * k + i) % 8}.jpg") for i in range(3)],
+            "photographs": [photograph(data, f"p{2 * k + i}.jpg") for i in range(2)],
             "steps": 20,
             "predicted_splats": 100,
             "predicted_memory": 1000,
@@ -51,7 +56,7 @@ def make(folder: Path) -> Path:
             "photographs": 8,
             "files": [record(data, f"sparse/0/{name}.txt") for name in ("cameras", "nothing")],
         },
-        "settings": "",
+        "settings": f"seconds = {seconds}\nbulk = {bulk}",
         "seed": 0,
         "ground": {},
         "global": {"photographs": ["p0.jpg", "p3.jpg"], "max_side": 8, "steps": 20, "max_splats": 10},

@@ -1,0 +1,199 @@
+"""What happens to a training on a cluster when machines, workers, commands and disks fail."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+from typing import Any
+
+import made_up
+from cluster import FAKE, Start, TwoMachines, end, is_running, parent_of, wait_until
+
+
+def undisturbed(plan: Path) -> dict[str, str]:
+    """Hashes of the models of a plan that is trained here, without any cluster."""
+    whole = plan.parent / "undisturbed"
+    shutil.copytree(plan, whole, ignore=shutil.ignore_patterns("global", "blocks", ".cluster"))
+    described = made_up.read(plan)
+    for job in ("global", *made_up.BLOCKS):
+        data = plan.parent / "data_of" / job
+        every = {p["name"]: p for block in described["blocks"] for p in block["photographs"]}
+        of = next((b["photographs"] for b in described["blocks"] if b["id"] == job), None)
+        wanted = of if of is not None else [every[name] for name in described["global"]["photographs"]]
+        files = [f["name"] for f in described["dataset"]["files"]]
+        files += [name for p in wanted for name in (p["file"], p["mask"]["name"])]
+        for name in files:
+            (data / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(plan.parent / "data" / name, data / name)
+        command = [sys.executable, FAKE, "blocks", "run", whole, "--block", job, "--data", data]
+        subprocess.run(command, check=True, capture_output=True, env={**os.environ, "FAKE_SECONDS": "0"})
+    return made_up.models(whole)
+
+
+class Faults(unittest.TestCase):
+    machines: TwoMachines
+    root: Path
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        cls.root = Path(tempfile.mkdtemp(prefix="psrgs-cluster-"))
+        cls.machines = TwoMachines(cls.root)
+
+    @classmethod
+    def tearDownClass(cls) -> None:
+        cls.machines.cluster.shutdown()
+        shutil.rmtree(cls.root, ignore_errors=True)
+
+    def setUp(self) -> None:
+        self.folder = self.root / self._testMethodName
+        self.machines.events.unlink(missing_ok=True)
+        self.machines.keep(2)
+
+    def assert_equal_bits(self, plan: Path) -> None:
+        found = made_up.models(plan)
+        self.assertEqual(list(found), ["global", *made_up.BLOCKS])
+        self.assertEqual(found, undisturbed(plan))
+
+    def start_of(self, block: str) -> Start:
+        """The last start of the program for a block."""
+        return [start for start in self.machines.started() if start.block == block][-1]
+
+    def in_the_middle(self, plan: Path) -> Start:
+        """The training of a block of which a checkpoint has landed."""
+
+        def landed() -> str | None:
+            runs = (plan / "blocks" / block for block in made_up.BLOCKS)
+            found = (
+                run.name for run in runs if any(run.glob("checkpoints/*.ckpt")) and not (run / "done.json").exists()
+            )
+            return next(found, None)
+
+        return self.start_of(wait_until("a checkpoint", landed))
+
+    def assert_goes_on_elsewhere(self, plan: Path, command: Any, before: Start) -> None:
+        """The program of a block that was interrupted has ended, and goes on from a checkpoint on another machine."""
+        wait_until("the program ends with its worker", lambda: not is_running(before.process))
+        code, said = end(command)
+        self.assertEqual(code, 0, said)
+        after = self.start_of(before.block)
+        self.assertGreater(after.step, 0)
+        self.assertNotEqual(after.machine, before.machine)
+        self.assert_equal_bits(plan)
+
+    def test_two_machines_share_the_blocks(self) -> None:
+        plan = made_up.make(self.folder)
+        code, said = self.machines.run(plan)
+        self.assertEqual(code, 0, said)
+        self.assertIn("all blocks are done", said)
+        started = self.machines.started()
+        self.assertEqual(({start.step for start in started}, len({start.machine for start in started})), ({0}, 2))
+        self.assertEqual((plan / "progress.svg").read_text().count("#8fd694"), 4)
+        self.assert_equal_bits(plan)
+        # All is done: nothing starts again.
+        code, said = self.machines.run(plan)
+        self.assertEqual((code, len(self.machines.started())), (0, 5), said)
+
+    def test_a_removed_machine_loses_nothing_that_landed(self) -> None:
+        plan = made_up.make(self.folder, seconds=0.2)
+        command = self.machines.start(plan)
+        before = self.in_the_middle(plan)
+        self.machines.remove(before.machine)
+        self.assert_goes_on_elsewhere(plan, command, before)
+
+    def test_a_killed_worker_is_replaced_by_another_machine(self) -> None:
+        plan = made_up.make(self.folder, seconds=0.2)
+        command = self.machines.start(plan)
+        before = self.in_the_middle(plan)
+        os.kill(parent_of(parent_of(before.process)), signal.SIGKILL)
+        self.assert_goes_on_elsewhere(plan, command, before)
+
+    def test_a_killed_command_goes_on_when_started_again(self) -> None:
+        plan = made_up.make(self.folder, seconds=0.2)
+        command = self.machines.start(plan)
+        done = wait_until("a finished block", lambda: next(plan.glob("blocks/*/done.json"), None)).parent.name
+        before = self.in_the_middle(plan)
+        command.kill()
+        wait_until("the program ends with the command", lambda: not is_running(before.process))
+        count = len(self.machines.started())
+        code, said = self.machines.run(plan)
+        self.assertEqual(code, 0, said)
+        again = self.machines.started()[count:]
+        self.assertNotIn(done, [start.block for start in again])
+        self.assertGreater(self.start_of(before.block).step, 0)
+        self.assert_equal_bits(plan)
+
+    def test_machines_that_cannot_train_are_told_and_left_out(self) -> None:
+        plan = made_up.make(self.folder, bulk=20_000)
+        disk = self.folder / "disk"
+        disk.mkdir()
+        mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(disk)]
+        if subprocess.run(mount, capture_output=True).returncode != 0:
+            self.skipTest("a small disk cannot be mounted here")
+        self.machines.keep(0)
+        self.machines.add(cache=str(disk))
+        self.machines.add(FAKE_VERSION="9.9.9")
+        code, said = self.machines.run(plan)
+        self.assertEqual(code, 1, said)
+        self.assertIn("no machine is left: ", said)
+        self.assertIn("fake_program.py is psrgs-vk 9.9.9, and the plan is of 1.2.3; install psrgs-vk 1.2.3 there", said)
+        self.assertIn("No space left on device", said)
+        good = self.machines.add()
+        code, said = self.machines.run(plan)
+        self.assertEqual(code, 0, said)
+        self.assertEqual({start.machine for start in self.machines.started() if start.step > 0}, {good}, said)
+        self.assert_equal_bits(plan)
+        subprocess.run(["umount", "--lazy", str(disk)], check=True)
+
+    def test_a_missing_photograph_fails_its_blocks_alone(self) -> None:
+        # Content of its own: what lies in the cache of a machine is not asked for.
+        plan = made_up.make(self.folder, last=b"elsewhere")
+        photograph = self.folder / "data/images/p7.jpg"
+        content = photograph.read_bytes()
+        for found, word in ((None, "is missing"), (content[::-1] + b"!", "has changed since")):
+            photograph.unlink()
+            if found:
+                photograph.write_bytes(found)
+            code, said = self.machines.run(plan)
+            self.assertEqual(code, 1, said)
+            self.assertIn(f"{photograph}: {word}", said)
+            self.assertIn("error: b03: ", said)
+            self.assertEqual(list(made_up.models(plan)), ["global", "b00", "b01", "b02"])
+            photograph.write_bytes(content)
+        code, said = self.machines.run(plan)
+        self.assertEqual(code, 0, said)
+        self.assert_equal_bits(plan)
+
+    def test_a_refusal_of_the_program_is_told_in_its_own_words(self) -> None:
+        self.machines.keep(1)
+        for content, starts, word in (
+            (
+                b"damaged",
+                1,
+                "fake_program.py ended with code 3: error: images/p7.jpg: the photograph cannot be decoded",
+            ),
+            (b"deadly", 3, "interrupted 3 times"),
+        ):
+            self.machines.events.unlink(missing_ok=True)
+            plan = made_up.make(self.folder / str(starts), last=content)
+            code, said = self.machines.run(plan)
+            self.assertEqual(code, 1, said)
+            self.assertIn("error: b03: ", said)
+            self.assertIn(word, said)
+            self.assertEqual(list(made_up.models(plan)), ["global", "b00", "b01", "b02"])
+
+    def test_a_command_without_the_token_is_refused(self) -> None:
+        plan = made_up.make(self.folder)
+        code, said = self.machines.run(plan, RAY_AUTH_MODE="disabled")
+        self.assertEqual(code, 2, said)
+        self.assertIn("RAY_AUTH_MODE=token must be set", said)
+        code, said = self.machines.run(plan, RAY_AUTH_TOKEN="f" * 32)
+        self.assertEqual(code, 3, said)
+        self.assertNotIn("f" * 32, said)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
