@@ -6,6 +6,7 @@ import argparse
 import logging
 import os
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 
 from . import plan
@@ -57,14 +58,17 @@ def run(options: argparse.Namespace) -> int:
     from .display import Display
     from .schedule import Schedule
 
-    try:
-        ray.init(options.address, logging_level=logging.ERROR, log_to_driver=False)
-    except (ConnectionError, RuntimeError) as error:
-        raise PlanProblem(f"--address {options.address}: {error}") from error
-    try:
-        failed = Schedule(plan_read, options.program, options.cache, Display(folder).show).run()
-    finally:
-        ray.shutdown()
+    display = Display(folder, sys.stdout)
+    # Ray prints the last lines of its own logs when a machine is lost; the lines of the display say the same.
+    with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
+        try:
+            ray.init(options.address, logging_level=logging.ERROR, log_to_driver=False)
+        except (ConnectionError, RuntimeError) as error:
+            raise PlanProblem(f"--address {options.address}: {error}") from error
+        try:
+            failed = Schedule(plan_read, options.program, options.cache, display.show).run()
+        finally:
+            ray.shutdown()
     for progress in failed:
         print(f"error: {progress.job.id}: {progress.problem}", file=sys.stderr)
     if failed:

@@ -13,7 +13,7 @@ from pathlib import Path
 from .errors import Interruption, PlanProblem
 from .files import PIECE, FileRecord, is_same, link_or_copy, read_piece, record_of, records_under
 from .names import refuse_link, to_read, to_write
-from .plan import CHECKPOINTS, DONE_FILE, GLOBAL, MODEL_FILE, PLAN_FILE, Job, Plan, done_problem
+from .plan import DONE_FILE, GLOBAL, MODEL_FILE, PLAN_FILE, Job, Plan, done_problem
 
 # Inside the plan's folder: the lock, and files that arrive.
 OWN_FOLDER = ".cluster"
@@ -85,8 +85,9 @@ class Depot:
             run.held = {record.name: record for record in earlier}
             needed = [record_of(self._plan.folder, PLAN_FILE)]
             if job != GLOBAL:
+                # Checkpoints and pictures of the coarse model, which lie in folders, serve nobody else.
                 results = records_under(self._plan.folder / GLOBAL)
-                needed += _named(GLOBAL, [r for r in results if not r.name.startswith(f"{CHECKPOINTS}/")])
+                needed += _named(GLOBAL, [record for record in results if "/" not in record.name])
             self._offer(self._plan.folder, (*needed, *earlier))
             return needed, earlier
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TextIO
 
@@ -14,7 +13,7 @@ from .schedule import FAILED, RUNNING, WAITING, Progress
 class Display:
     """On a terminal the lines stay in place; elsewhere a line is printed when the block's state changes."""
 
-    def __init__(self, folder: Path, out: TextIO = sys.stdout) -> None:
+    def __init__(self, folder: Path, out: TextIO) -> None:
         self._folder = folder
         self._out = out
         self._before: list[str] = []

@@ -27,7 +27,7 @@ def fail(code: int, message: str) -> None:
     sys.exit(code)
 
 
-def start(plan: Path, block: str, data: Path) -> tuple[bytes, dict]:
+def start(plan: Path, block: str, data: Path) -> tuple[bytes, str]:
     """The state of the training before the first step, a hash of all that the block is made from; and the settings."""
     digest = hashlib.sha256((plan / "blocks.json").read_bytes())
     described = json.loads((plan / "blocks.json").read_bytes())
@@ -59,14 +59,14 @@ def main() -> None:
     plan, block, data = Path(sys.argv[3]), sys.argv[5], Path(sys.argv[7])
     assert sys.argv[1:3] + sys.argv[4:7:2] == ["blocks", "run", "--block", "--data"], sys.argv
     run = plan / ("global" if block == "global" else f"blocks/{block}")
-    (state, settings), step = start(plan, block, data), 0
-    settings = dict(line.split(" = ") for line in settings.splitlines())
-    if checkpoints := sorted(run.glob("checkpoints/*.ckpt")):
-        step, state = json.loads(checkpoints[-1].read_bytes().splitlines()[0])
-        state = bytes.fromhex(state)
+    checkpoints = sorted(run.glob("checkpoints/*.ckpt"))
+    step, text = json.loads(checkpoints[-1].read_bytes().splitlines()[0]) if checkpoints else (0, "")
     if events := os.environ.get("FAKE_EVENTS"):
         with open(events, "a") as file:
             file.write(f"{block} {step} {os.getpid()} {os.environ.get('FAKE_NODE', '?')}\n")
+    first, settings = start(plan, block, data)
+    state = bytes.fromhex(text) if checkpoints else first
+    settings = dict(line.split(" = ") for line in settings.splitlines())
     write(run / "settings.toml", b"# settings\n")
     while step < STEPS:
         step, state = step + 1, hashlib.sha256(state).digest()

@@ -18,11 +18,11 @@ def photograph(data: Path, name: str) -> dict[str, object]:
     return {**kept, "name": name, "file": kept["name"], "share": 0.5, "mask": mask}
 
 
-def make(folder: Path, seconds: float = 0.03, bulk: int = 1, last: bytes = b"") -> Path:
+def make(folder: Path, seconds: float = 0.03, bulk: int = 1, words: dict[str, bytes] | None = None) -> Path:
     """A dataset and a plan of four blocks that share photographs. Returns the plan's folder.
 
-    A step of the fake program takes so many seconds, and a checkpoint has so many times 32 bytes. The photograph p7,
-    which only block b03 has, begins with `last`.
+    A step of the fake program takes so many seconds, and a checkpoint has so many times 32 bytes. Photographs may begin
+    with words of their own; p5 belongs to b02 alone, and p7 to b03.
     """
     data, plan = folder / "data", folder / "plan"
     for name in ("images", "masks", "sparse/0"):
@@ -30,9 +30,8 @@ def make(folder: Path, seconds: float = 0.03, bulk: int = 1, last: bytes = b"") 
     (data / "sparse/0/cameras.txt").write_text("cameras\n")
     (data / "sparse/0/nothing.txt").write_text("")
     for k in range(8):
-        (data / f"images/p{k}.jpg").write_bytes(bytes([k]) * (1000 + k))
+        (data / f"images/p{k}.jpg").write_bytes((words or {}).get(f"p{k}", b"") + bytes([k]) * (1000 + k))
         (data / f"masks/p{k}.jpg.png").write_bytes(bytes([100 + k]) * 20)
-    (data / "images/p7.jpg").write_bytes(last + b"p7")
     blocks = [
         {
             "id": block,
