@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
         try:
             ray.init(options.address, logging_level=logging.ERROR, log_to_driver=False)
-        except (ConnectionError, RuntimeError) as error:
+        except (ConnectionError, RuntimeError, ray.exceptions.RayError) as error:
             raise PlanProblem(f"--address {options.address}: {error}") from error
         try:
             failed = Schedule(plan_read, options.program, options.cache, display.show).run()

@@ -12,11 +12,13 @@ from pathlib import Path
 
 from .errors import Interruption, PlanProblem
 from .files import PIECE, FileRecord, is_same, link_or_copy, read_piece, record_of, records_under
-from .names import refuse_link, to_read, to_write
+from .names import to_read, to_write
 from .plan import DONE_FILE, GLOBAL, MODEL_FILE, PLAN_FILE, Job, Plan, done_problem
 
 # Inside the plan's folder: the lock, and files that arrive.
 OWN_FOLDER = ".cluster"
+# The lock of a run folder, which psrgs-vk takes too.
+RUN_LOCK = ".lock"
 # Seconds for the depot of a driver that was killed to end.
 LONGEST_WAIT = 30.0
 
@@ -41,7 +43,10 @@ class _Run:
     folder: Path
     arriving: Path
     state: JobState = field(default_factory=JobState)
+    # What lies in the folder, by name in the plan's folder.
     held: dict[str, FileRecord] = field(default_factory=dict)
+    # Held from the first attempt to the end, so that no psrgs-vk beside this process trains the job too.
+    lock: int | None = None
 
 
 class Depot:
@@ -61,10 +66,27 @@ class Depot:
 
     def open(self) -> None:
         """Locks the plan's folder until the depot ends."""
+        other = f"{self._plan.folder}: another psrgs-cluster works on this plan; wait for its end"
+        self._lock = self._lock_file(f"{OWN_FOLDER}/lock", LONGEST_WAIT, other)
+
+    def _lock_file(self, name: str, seconds: float, other: str) -> int:
+        """Locks a file of the plan's folder, as psrgs-vk does. `other` says that another process holds the lock."""
         try:
-            self._lock = _take(to_write(self._plan.folder, f"{OWN_FOLDER}/lock"), self._plan.folder)
+            path = to_write(self._plan.folder, name)
+            file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
         except OSError as error:
-            raise PlanProblem(f"{self._plan.folder}: {error.strerror}") from error
+            raise PlanProblem(f"{error.filename}: {error.strerror}") from error
+        end = time.monotonic() + seconds
+        while True:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return file
+            except OSError as error:
+                if not isinstance(error, BlockingIOError) or time.monotonic() > end:
+                    os.close(file)
+                    is_held = isinstance(error, BlockingIOError)
+                    raise PlanProblem(other if is_held else f"{path}: cannot be locked: {error.strerror}") from None
+                time.sleep(0.2)
 
     def _offer(self, folder: Path, records: tuple[FileRecord, ...]) -> None:
         self._sources.update({record.sha256: (folder, record) for record in records})
@@ -79,9 +101,11 @@ class Depot:
             if attempt < run.state.attempt:
                 raise Interruption(f"attempt {attempt} of {job} has been replaced")
             run.state = replace(run.state, attempt=attempt, node_id=node_id, node=node, note="receives files")
+            if run.lock is None:
+                other = f"{run.folder}: another program trains this block; wait for its end, and run again"
+                run.lock = self._lock_file(f"{run.job.folder}/{RUN_LOCK}", 0.0, other)
             shutil.rmtree(run.arriving, ignore_errors=True)
-            refuse_link(run.folder)
-            earlier = _named(run.job.folder, records_under(run.folder)) if run.folder.is_dir() else []
+            earlier = _named(run.job.folder, records_under(run.folder))
             run.held = {record.name: record for record in earlier}
             needed = [record_of(self._plan.folder, PLAN_FILE)]
             if job != GLOBAL:
@@ -144,6 +168,9 @@ class Depot:
             run.held = {name: replace(record, name=name) for name, record in wanted.items()}
             shutil.rmtree(run.arriving, ignore_errors=True)
             run.state = replace(run.state, landed=run.state.landed + 1)
+            if is_end and run.lock is not None:
+                os.close(run.lock)
+                run.lock = None
 
     def _source(self, run: _Run, record: FileRecord) -> Path:
         """Where the bytes of a record lie: among the files that arrived, or under another name."""
@@ -186,17 +213,3 @@ class Depot:
 
 def _named(folder: str, records: list[FileRecord]) -> list[FileRecord]:
     return [replace(record, name=f"{folder}/{record.name}") for record in records]
-
-
-def _take(path: Path, plan: Path) -> int:
-    """The lock of a plan's folder, held until this process ends."""
-    file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
-    end = time.monotonic() + LONGEST_WAIT
-    while True:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return file
-        except BlockingIOError:
-            if time.monotonic() > end:
-                raise PlanProblem(f"{plan}: another psrgs-cluster works on this plan; wait for its end") from None
-            time.sleep(0.2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import TextIO
 
@@ -20,8 +21,10 @@ class Display:
         self._coloured: dict[str, str] = {}
 
     def show(self, jobs: list[Progress]) -> None:
-        lines = [line(progress, detailed=self._out.isatty()) for progress in jobs]
-        if self._out.isatty():
+        is_terminal = self._out.isatty()
+        width = shutil.get_terminal_size().columns - 1 if is_terminal else None
+        lines = [line(progress, detailed=is_terminal)[:width] for progress in jobs]
+        if is_terminal:
             back = f"\x1b[{len(self._before)}A" if self._before else ""
             self._out.write(back + "".join(f"\x1b[2K{text}\n" for text in lines))
         else:
@@ -47,4 +50,4 @@ def line(progress: Progress, detailed: bool) -> str:
             parts += [f"{known.landed} checkpoints have landed", known.note]
     elif progress.state in (WAITING, FAILED) and progress.problem:
         parts.append(progress.problem.replace("\n", " | "))
-    return "  ".join(parts)[:200]
+    return "  ".join(parts).rstrip()

@@ -184,9 +184,11 @@ class Faults(unittest.TestCase):
         code, said = self.machines.run(plan, RAY_AUTH_MODE="disabled")
         self.assertEqual(code, 2, said)
         self.assertIn("RAY_AUTH_MODE=token must be set", said)
-        code, said = self.machines.run(plan, RAY_AUTH_TOKEN="f" * 32)
-        self.assertEqual(code, 3, said)
-        self.assertNotIn("f" * 32, said)
+        for token in ("f" * 32, ""):
+            code, said = self.machines.run(plan, RAY_AUTH_TOKEN=token, HOME=str(self.folder))
+            self.assertEqual(code, 3, said)
+            self.assertIn("error: --address", said)
+            self.assertNotIn("f" * 32, said)
 
 
 if __name__ == "__main__":

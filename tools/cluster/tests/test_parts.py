@@ -1,5 +1,6 @@
 """Parts of the package without a cluster: names, plans, files, the child, the depot, the drawing."""
 
+import fcntl
 import json
 import os
 import signal
@@ -222,6 +223,16 @@ class Depots(Parts):
     def test_one_command_at_a_time_works_on_a_plan(self) -> None:
         with mock.patch.object(depot, "LONGEST_WAIT", 0.0):
             self.refused("another psrgs-cluster works on this plan", depot.Depot(self.plan).open)
+
+    def test_a_block_that_another_program_trains_is_left_alone(self) -> None:
+        run = self.plan.folder / "blocks/b00"
+        run.mkdir(parents=True)
+        with open(run / ".lock", "w") as other:
+            fcntl.flock(other, fcntl.LOCK_EX)
+            self.refused("another program trains this block", self.depot.begin, "b00", 1, "n", "node")
+        self.depot.begin("b00", 2, "n", "node")
+        with open(run / ".lock", "w") as other, self.assertRaises(BlockingIOError):
+            fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 class Child(Parts):
