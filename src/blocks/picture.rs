@@ -170,7 +170,9 @@ fn map(planned: &Planned, sheet: &Sheet) -> String {
         let colour = k % COLOURS.len();
         let _ = write!(
             svg,
-            "<g class=\"c{colour}\"><rect class=\"cell\" x=\"{x:.1}\" y=\"{y:.1}\" width=\"{w:.1}\" height=\"{h:.1}\"/>"
+            "<g class=\"c{colour}\"><rect id=\"{}\" class=\"cell\" x=\"{x:.1}\" y=\"{y:.1}\" width=\"{w:.1}\" \
+             height=\"{h:.1}\"/>",
+            escape(&block.id)
         );
         let m = block.margin;
         let [u0, u1, v0, v1] = inside;

@@ -38,13 +38,14 @@ def to_read(folder: Path, name: str) -> Path:
 
 
 def to_write(folder: Path, name: str) -> Path:
-    """A place in a folder for a file, with the folders above it. Links are refused."""
+    """A place in a folder for a file, with the folders above it. Links below the folder are refused."""
     path = folder / checked(name, str(folder))
+    folder.mkdir(parents=True, exist_ok=True)
     parent = folder
     for part in Path(name).parts[:-1]:
         parent /= part
-        parent.mkdir(exist_ok=True, parents=parent.parent == folder)
         refuse_link(parent)
+        parent.mkdir(exist_ok=True)
     refuse_link(path)
     return path
 

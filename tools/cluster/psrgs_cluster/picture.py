@@ -26,7 +26,8 @@ def write(folder: Path, states: dict[str, str]) -> None:
     for element in tree.iter():
         state = states.get(element.get("id", ""))
         if state is not None:
-            element.set("style", f"fill:{COLOURS[state]};fill-opacity:0.8")
+            element.set("style", f"fill:{COLOURS[state]};fill-opacity:0.6")
+            ElementTree.SubElement(element, f"{{{SVG}}}title").text = f"{element.get('id')}: {state}"
     unfinished = folder / f".{PICTURE}.part"
     tree.write(unfinished, encoding="utf-8", xml_declaration=True)
     os.replace(unfinished, folder / PICTURE)

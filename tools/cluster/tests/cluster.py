@@ -71,7 +71,7 @@ class TwoMachines:
 
     def start(self, plan: Path, *options: str, **environment: str) -> "subprocess.Popen[str]":
         command = [sys.executable, "-c", "import sys; from psrgs_cluster.command import main; sys.exit(main())"]
-        arguments = ["run", str(plan), "--address", self.cluster.address, "--program", str(FAKE), *options]
+        arguments = ["run", str(plan), "--address", self.cluster.address, *(options or ["--program", str(FAKE)])]
         # Not into pipes: nobody would read them while a test waits.
         said = tempfile.TemporaryFile("w+")
         process = subprocess.Popen(
@@ -97,9 +97,12 @@ def end(process: Any) -> tuple[int, str]:
         return code, said.read()
 
 
-def wait_until(what: str, condition: Any, seconds: float = 40.0) -> Any:
+def wait_until(what: str, condition: Any, seconds: float = 60.0, command: Any = None) -> Any:
+    """Waits until a condition holds, at most until a command ends."""
     begin = time.monotonic()
     while not (found := condition()):
+        if command is not None and command.poll() is not None:
+            raise AssertionError(f"the command ended without {what}: {end(command)[1]}")
         if time.monotonic() - begin > seconds:
             raise AssertionError(f"not within {seconds} s: {what}")
         time.sleep(0.05)

@@ -67,7 +67,7 @@ def main() -> None:
     first, settings = start(plan, block, data)
     state = bytes.fromhex(text) if checkpoints else first
     settings = dict(line.split(" = ") for line in settings.splitlines())
-    write(run / "settings.toml", b"# settings\n")
+    write(run / "begun.json", b"{}")
     while step < STEPS:
         step, state = step + 1, hashlib.sha256(state).digest()
         print(f"step {step} of {STEPS}", file=sys.stderr, flush=True)

@@ -13,6 +13,12 @@ from typing import Any
 import made_up
 from cluster import FAKE, Start, TwoMachines, end, is_running, parent_of, wait_until
 
+from psrgs_cluster.picture import COLOURS
+
+# The program itself, and its exit code where there is no device.
+PROGRAM = os.environ.get("PSRGS_PROGRAM", "")
+NO_DEVICE = 4
+
 
 def undisturbed(plan: Path) -> dict[str, str]:
     """Hashes of the models of a plan that is trained here, without any cluster."""
@@ -32,6 +38,33 @@ def undisturbed(plan: Path) -> dict[str, str]:
         command = [sys.executable, FAKE, "blocks", "run", whole, "--block", job, "--data", data]
         subprocess.run(command, check=True, capture_output=True, env={**os.environ, "FAKE_SECONDS": "0"})
     return made_up.models(whole)
+
+
+def psrgs(*arguments: object) -> None:
+    """Runs the program itself. On a machine without a device the test is skipped."""
+    command = [PROGRAM, *map(str, arguments)]
+    ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    if ended.returncode == NO_DEVICE:
+        raise unittest.SkipTest("no Vulkan device")
+    if ended.returncode != 0:
+        raise AssertionError(f"{command}: {ended.stderr}")
+
+
+def program_of(root: Path, block: str) -> int | None:
+    """The process that trains a block in a folder below `root`."""
+    for file in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            words = file.read_bytes().decode(errors="replace").split("\0")
+        except OSError:
+            continue
+        if (
+            words[0] == PROGRAM
+            and words[1:3] == ["blocks", "run"]
+            and block in words
+            and words[3].startswith(str(root))
+        ):
+            return int(file.parent.name)
+    return None
 
 
 class Faults(unittest.TestCase):
@@ -62,7 +95,7 @@ class Faults(unittest.TestCase):
         """The last start of the program for a block."""
         return [start for start in self.machines.started() if start.block == block][-1]
 
-    def in_the_middle(self, plan: Path) -> Start:
+    def in_the_middle(self, plan: Path, command: Any) -> Start:
         """The training of a block of which a checkpoint has landed, and which goes on for a while."""
 
         def landed() -> str | None:
@@ -72,7 +105,7 @@ class Faults(unittest.TestCase):
                     return block
             return None
 
-        return self.start_of(wait_until("a checkpoint", landed))
+        return self.start_of(wait_until("a checkpoint", landed, command=command))
 
     def assert_goes_on_elsewhere(self, plan: Path, command: Any, before: Start) -> None:
         """The program of a block that was interrupted has ended, and goes on from a checkpoint on another machine."""
@@ -91,7 +124,7 @@ class Faults(unittest.TestCase):
         self.assertIn("all blocks are done", said)
         started = self.machines.started()
         self.assertEqual(({start.step for start in started}, len({start.machine for start in started})), ({0}, 2))
-        self.assertEqual((plan / "progress.svg").read_text().count("#8fd694"), 4)
+        self.assertEqual((plan / "progress.svg").read_text().count(COLOURS["done"]), 4)
         self.assert_equal_bits(plan)
         # All is done: nothing starts again.
         code, said = self.machines.run(plan)
@@ -100,14 +133,14 @@ class Faults(unittest.TestCase):
     def test_a_removed_machine_loses_nothing_that_landed(self) -> None:
         plan = made_up.make(self.folder, seconds=0.2)
         command = self.machines.start(plan)
-        before = self.in_the_middle(plan)
+        before = self.in_the_middle(plan, command)
         self.machines.remove(before.machine)
         self.assert_goes_on_elsewhere(plan, command, before)
 
     def test_a_killed_worker_is_replaced_by_another_machine(self) -> None:
         plan = made_up.make(self.folder, seconds=0.2)
         command = self.machines.start(plan)
-        before = self.in_the_middle(plan)
+        before = self.in_the_middle(plan, command)
         os.kill(parent_of(parent_of(before.process)), signal.SIGKILL)
         self.assert_goes_on_elsewhere(plan, command, before)
 
@@ -115,7 +148,7 @@ class Faults(unittest.TestCase):
         plan = made_up.make(self.folder, seconds=0.2)
         command = self.machines.start(plan)
         done = wait_until("a finished block", lambda: next(plan.glob("blocks/*/done.json"), None)).parent.name
-        before = self.in_the_middle(plan)
+        before = self.in_the_middle(plan, command)
         command.kill()
         wait_until("the program ends with the command", lambda: not is_running(before.process))
         count = len(self.machines.started())
@@ -189,6 +222,33 @@ class Faults(unittest.TestCase):
             self.assertEqual(code, 3, said)
             self.assertIn("error: --address", said)
             self.assertNotIn("f" * 32, said)
+
+    @unittest.skipUnless(PROGRAM, "no psrgs-vk was named")
+    def test_the_program_goes_on_elsewhere_with_equal_bits(self) -> None:
+        data, alone, plan = (self.folder / name for name in ("data", "alone", "plan"))
+        plain = ["--extent", "40", "--offpath", "0", "--lidar-density", "0.1", "--effects", "none", "--no-train"]
+        psrgs("demo", "--out", data, "--images", "12", "--max-side", "128", *plain)
+        steps = ["--iterations", "90", "--checkpoint-every", "20", "--deterministic", "--split", "none"]
+        psrgs("blocks", "plan", data, "--out", alone, "--blocks", "2", "--max-side", "128", *steps)
+        shutil.copytree(alone, plan)
+        psrgs("blocks", "run", alone)
+        psrgs("blocks", "merge", alone, "--no-scores")
+
+        command = self.machines.start(plan, "--program", PROGRAM)
+        checkpoint = wait_until(
+            "a checkpoint of a block", lambda: next(plan.glob("blocks/*/checkpoints/*"), None), command=command
+        )
+        trained = wait_until("its program", lambda: program_of(self.folder.parent, checkpoint.parts[-3]))
+        os.kill(parent_of(parent_of(trained)), signal.SIGKILL)
+        wait_until("the program ends with its worker", lambda: not is_running(trained))
+        code, said = end(command)
+        self.assertEqual(code, 0, said)
+        self.assertIn(f"{checkpoint.parts[-3]}    running  on 127.0.0.1  attempt 2", said)
+        psrgs("blocks", "merge", plan, "--no-scores")
+        merged = [(folder / "point_cloud.ply").read_bytes() for folder in (alone, plan)]
+        self.assertEqual(len(merged[0]), len(merged[1]))
+        self.assertTrue(merged[0] == merged[1])
+        self.assertEqual((plan / "progress.svg").read_text().count(COLOURS["done"]), 2)
 
 
 if __name__ == "__main__":

@@ -53,7 +53,9 @@ class Names(Parts):
         self.assertEqual(names.to_read(inside, "in/a").read_text(), "a")
         for name in ("out/a", "in/a", "out"):
             self.refused("is a link", names.to_write, inside, name)
-        self.assertEqual(names.to_write(inside, "new/folder/a").parent, inside / "new/folder")
+        for new in (inside / "new", self.folder / "another" / "new"):
+            names.to_write(new, "a").write_text("a")
+            names.to_write(new, "b/c").write_text("c")
 
 
 class Plans(Parts):
