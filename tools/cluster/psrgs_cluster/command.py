@@ -67,6 +67,9 @@ def run(options: argparse.Namespace) -> int:
             raise PlanProblem(f"--address {options.address}: {error}") from error
         try:
             failed = Schedule(plan_read, options.program, options.cache, display.show).run()
+        except ray.exceptions.RayError as error:
+            print(f"error: the cluster has failed ({error}); the same command goes on", file=sys.stderr)
+            return FAILURE
         finally:
             ray.shutdown()
     for progress in failed:

@@ -24,6 +24,9 @@ LOOK = 1.0
 # Threads of the depot. Each may hold a piece in memory.
 DEPOT_THREADS = 2
 
+# Shown while there is no machine to wait for.
+NOBODY = f"""no machine of the cluster has a device yet: ray start .. --resources '{{"{RESOURCE}": 1}}'"""
+
 WAITING, RUNNING, DONE, FAILED = "waiting", "running", "done", "failed"
 
 
@@ -86,12 +89,12 @@ class Schedule:
         for progress in jobs:
             if progress.state == WAITING:
                 self._submit(progress)
+        self._look()
         while self._tasks:
-            self._look()
             ended, _ = ray.wait(list(self._tasks), timeout=LOOK)
             for task in ended:
                 self._end(task, self._tasks.pop(task))
-        self._look()
+            self._look()
 
     def _submit(self, progress: Progress) -> None:
         progress.attempt += 1
@@ -113,14 +116,18 @@ class Schedule:
         """Takes in what the workers say, and looks for tasks that no machine may take any more."""
         self._learn()
         machines = self._machines()
-        for task, progress in list(self._tasks.items()):
-            if progress.state == WAITING and machines and machines <= progress.avoided | set(self._banned):
+        for task, progress in [(task, progress) for task, progress in self._tasks.items() if progress.state == WAITING]:
+            if not machines:
+                progress.problem = NOBODY
+            elif machines <= progress.avoided | set(self._banned):
                 ray.cancel(task)
                 del self._tasks[task]
                 if machines <= set(self._banned):
                     self._fail(progress, "no machine is left: " + "; ".join(sorted(set(self._banned.values()))))
                 else:
                     self._submit(progress)
+            elif progress.problem == NOBODY:
+                progress.problem = ""
         self._show(self.jobs)
 
     def _learn(self) -> None:

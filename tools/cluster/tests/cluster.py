@@ -38,6 +38,7 @@ class TwoMachines:
                 "num_cpus": 0,
                 "object_store_memory": STORE,
                 "include_dashboard": False,
+                "include_log_monitor": False,
                 # A machine that is gone is noticed within 3 seconds, not 15 and more.
                 "_system_config": {"health_check_initial_delay_ms": 1000, "health_check_period_ms": 1000},
             },
@@ -52,7 +53,12 @@ class TwoMachines:
         name = f"machine{self._count}"
         own = {"XDG_CACHE_HOME": cache or str(self.folder / name), "FAKE_NODE": name, "FAKE_EVENTS": str(self.events)}
         node = self.cluster.add_node(
-            num_cpus=1, resources={"vulkan": 1}, object_store_memory=STORE, env_vars=own | environment, wait=True
+            num_cpus=1,
+            resources={"vulkan": 1},
+            object_store_memory=STORE,
+            include_log_monitor=False,
+            env_vars=own | environment,
+            wait=True,
         )
         self._machines[name] = (node, not cache and not environment)
         return name
@@ -91,13 +97,18 @@ class TwoMachines:
 
 def end(process: Any) -> tuple[int, str]:
     """Exit code and what the command said."""
-    code = process.wait(timeout=90)
-    with process.said as said:
-        said.seek(0)
-        return code, said.read()
+    code = process.wait(timeout=180)
+    with process.said:
+        return code, said_by(process)
 
 
-def wait_until(what: str, condition: Any, seconds: float = 60.0, command: Any = None) -> Any:
+def said_by(process: Any) -> str:
+    """What the command has said so far. The place at which the command writes stays."""
+    file = process.said.fileno()
+    return os.pread(file, os.fstat(file).st_size, 0).decode()
+
+
+def wait_until(what: str, condition: Any, seconds: float = 90.0, command: Any = None) -> Any:
     """Waits until a condition holds, at most until a command ends."""
     begin = time.monotonic()
     while not (found := condition()):

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import made_up
-from cluster import FAKE, Start, TwoMachines, end, is_running, parent_of, wait_until
+from cluster import FAKE, Start, TwoMachines, end, is_running, parent_of, said_by, wait_until
 
 from psrgs_cluster.picture import COLOURS
 
@@ -167,9 +167,12 @@ class Faults(unittest.TestCase):
         if subprocess.run(mount, capture_output=True).returncode != 0:
             self.skipTest("a small disk cannot be mounted here")
         self.machines.keep(0)
+        command = self.machines.start(plan)
+        nobody = "waiting  no machine of the cluster has a device yet"
+        wait_until("word that nobody trains", lambda: nobody in said_by(command), command=command)
         self.machines.add(cache=str(disk))
         self.machines.add(FAKE_VERSION="9.9.9")
-        code, said = self.machines.run(plan)
+        code, said = end(command)
         self.assertEqual(code, 1, said)
         self.assertIn("no machine is left: ", said)
         self.assertIn("fake_program.py is psrgs-vk 9.9.9, and the plan is of 1.2.3; install psrgs-vk 1.2.3 there", said)

@@ -242,10 +242,10 @@ class Child(Parts):
         """A parent, the launcher below it, and the program below the launcher."""
         script = (
             "import subprocess, sys, time\n"
-            f"command = [sys.executable, '-I', {child.__file__!r}, 'sleep', '600']\n"
-            "launcher = subprocess.Popen(command, stdin=subprocess.PIPE)\n"
+            f"command = [sys.executable, '-I', {child.__file__!r}, 'sleep', '60']\n"
+            "launcher = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)\n"
             "print(launcher.pid, flush=True)\n"
-            "time.sleep(600)\n"
+            "time.sleep(60)\n"
         )
         parent = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE)
         self.addCleanup(lambda: (parent.kill(), parent.wait(), parent.stdout.close()))
