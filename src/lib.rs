@@ -74,6 +74,7 @@ pub mod eval;
 pub mod format;
 pub mod geodesy;
 mod host_memory;
+pub mod lod;
 pub mod loss;
 pub mod map;
 pub mod numbers;

@@ -21,6 +21,8 @@ mod fronts;
 mod full_disk;
 #[path = "commands/kills.rs"]
 mod kills;
+#[path = "commands/levels.rs"]
+mod levels;
 #[path = "commands/lidar.rs"]
 mod lidar;
 #[path = "commands/live_page.rs"]

@@ -23,6 +23,7 @@ mod held_out;
 mod info;
 mod interrupt;
 mod live_page;
+mod lod;
 mod look_args;
 mod lpips;
 mod map;
@@ -92,6 +93,7 @@ enum Command {
     Map(Box<map::Args>),
     Eval(eval::Args),
     Export(Box<export::Args>),
+    Lod(lod::Args),
     Points(Box<points::Args>),
     Demo(demo::Args),
     Bench(bench::Args),
@@ -188,6 +190,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
         Command::Map(args) => map::run(args, console),
         Command::Eval(args) => eval::run(args, console, started),
         Command::Export(args) => export::run(args, console),
+        Command::Lod(args) => lod::run(args, console),
         Command::Points(args) => points::run(args, console),
         Command::Demo(args) => demo::run(args, interrupt, console, started),
         Command::Bench(args) => bench::run(args, console),

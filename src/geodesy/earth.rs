@@ -1,6 +1,6 @@
 //! The WGS 84 ellipsoid, and planes that touch it.
 
-use crate::scene::Geodetic;
+use crate::scene::{Geodetic, Similarity};
 
 /// Semi-major axis in metres.
 const A: f64 = 6_378_137.0;
@@ -75,6 +75,12 @@ impl Tangent {
         let at = to_earth(place);
         let off: [f64; 3] = std::array::from_fn(|k| at[k] - self.center[k]);
         self.axes.map(|axis| (0..3).map(|k| axis[k] * off[k]).sum())
+    }
+
+    /// From metres east, north and up of the origin to the axes of the Earth (ECEF).
+    pub fn to_earth(&self) -> Similarity {
+        let rotation = std::array::from_fn(|i| std::array::from_fn(|j| self.axes[j][i]));
+        Similarity { rotation, scale: 1.0, translation: self.center }
     }
 
     /// The place of a point.

@@ -228,24 +228,41 @@ impl Georeference {
         if let Lift::Offset([east, north]) = self.lift {
             return Similarity { translation: [east, north, 0.0], ..Similarity::IDENTITY };
         }
-        let step = REACH / self.unit();
-        let mut columns = [[0.0; 3]; 3];
-        for (axis, column) in columns.iter_mut().enumerate() {
-            let beside = |by: f64| {
-                let mut at = p;
-                at[axis] += by;
-                self.to_map(at)
-            };
-            let (ahead, behind) = (beside(step), beside(-step));
-            *column = std::array::from_fn(|row| (ahead[row] - behind[row]) / (2.0 * step));
-        }
-        let linear: [[f64; 3]; 3] = std::array::from_fn(|row| std::array::from_fn(|axis| columns[axis][row]));
+        let linear = self.linear_at(p, |at| self.to_map(at));
         let length = |row: &[f64; 3]| row.iter().map(|v| v * v).sum::<f64>().sqrt();
         let scale = (length(&linear[0]) * length(&linear[1])).sqrt();
         let rotation = nearest_rotation(linear);
         let turned = Similarity { rotation, scale, translation: [0.0; 3] };
         let (at, from) = (self.to_map(p), turned.point(p));
         Similarity { translation: std::array::from_fn(|k| at[k] - from[k]), ..turned }
+    }
+
+    /// The similarity from dataset coordinates to the axes of the Earth (ECEF, metres) that is best about a dataset
+    /// point, and exact there. `None` in a local system.
+    pub fn to_earth_at(&self, p: [f64; 3]) -> Option<Similarity> {
+        // About the point numbers are small, and differences of places keep their digits.
+        let tangent = Tangent::at(self.to_geodetic(p)?);
+        let local = |at: [f64; 3]| self.to_geodetic(at).map_or([f64::NAN; 3], |place| tangent.from_geodetic(place));
+        let linear = self.linear_at(p, local);
+        let squares: f64 = linear.iter().flatten().map(|v| v * v).sum();
+        let turned = Similarity { rotation: nearest_rotation(linear), scale: (squares / 3.0).sqrt(), translation: [0.0; 3] };
+        Some(turned.after_shift(p.map(|v| -v)).then(&tangent.to_earth()))
+    }
+
+    /// The derivative of a map of dataset points at a point; rows are the coordinates of the target.
+    fn linear_at(&self, p: [f64; 3], map: impl Fn([f64; 3]) -> [f64; 3]) -> [[f64; 3]; 3] {
+        let step = REACH / self.unit();
+        let mut columns = [[0.0; 3]; 3];
+        for (axis, column) in columns.iter_mut().enumerate() {
+            let beside = |by: f64| {
+                let mut at = p;
+                at[axis] += by;
+                map(at)
+            };
+            let (ahead, behind) = (beside(step), beside(-step));
+            *column = std::array::from_fn(|row| (ahead[row] - behind[row]) / (2.0 * step));
+        }
+        std::array::from_fn(|row| std::array::from_fn(|axis| columns[axis][row]))
     }
 
     /// Metres per unit of the dataset.

@@ -70,6 +70,18 @@ impl Gaussians {
         }
     }
 
+    /// Adds splats with their identities.
+    pub fn append(&mut self, other: &Self) {
+        let planes = [
+            (&mut self.means, &other.means),
+            (&mut self.quats, &other.quats),
+            (&mut self.scales, &other.scales),
+            (&mut self.opacities, &other.opacities),
+        ];
+        planes.into_iter().chain(self.sh.iter_mut().zip(&other.sh)).for_each(|(to, from)| to.extend_from_slice(from));
+        self.ids.extend_from_slice(&other.ids);
+    }
+
     /// `n` splats with every value zero and ids 0..n.
     pub fn zeros(n: usize) -> Self {
         Self {

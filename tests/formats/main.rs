@@ -5,6 +5,8 @@ mod clouds;
 #[path = "../common/mod.rs"]
 mod common;
 mod compact;
+mod levels;
+mod merging;
 mod meshes;
 mod models;
 mod pictures;

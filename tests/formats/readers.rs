@@ -38,7 +38,7 @@ fn to_ply(program: &Path, from: &Path, to: &Path) {
     run(Command::new("node").arg(program).args(["-q", "-w"]).args([from, to]));
 }
 
-const SPLAT_TRANSFORM: &str = "node_modules/@playcanvas/splat-transform/bin/cli.mjs";
+pub(crate) const SPLAT_TRANSFORM: &str = "node_modules/@playcanvas/splat-transform/bin/cli.mjs";
 
 /// The formats that splat-transform reads, with the versions of SPZ.
 fn written(folder: &Path, model: &Model) -> Vec<PathBuf> {
@@ -155,7 +155,7 @@ fn gsply_reads_the_files_as_this_program() {
     }
 }
 
-const VALIDATE: &str = "\
+pub(crate) const VALIDATE: &str = "\
 const validator = require(process.argv[1]);
 const fs = require('fs');
 for (const file of process.argv.slice(2))

@@ -8,10 +8,12 @@ mod read;
 mod write;
 
 pub use read::decode;
-pub use write::encode;
+pub use write::{encode, encode_spz};
 
 /// Beginning of the names of the extension's attributes.
 const EXTENSION: &str = "KHR_gaussian_splatting";
+/// Name of the draft extension for splats packed as SPZ, version 2.
+const SPZ: &str = "KHR_gaussian_splatting_compression_spz_2";
 /// First bytes of a binary file, and the types of its two chunks.
 pub(super) const MAGIC: [u8; 4] = *b"glTF";
 const JSON_CHUNK: u32 = 0x4e4f_534a;

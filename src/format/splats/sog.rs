@@ -17,7 +17,7 @@ mod read;
 mod write;
 
 pub use read::decode;
-pub use write::encode;
+pub use write::{encode, files};
 
 use serde::{Deserialize, Serialize};
 

@@ -5,12 +5,12 @@ use std::num::NonZero;
 use glam::{DMat3, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
+use crate::scene::principal;
+
 /// Points to which a plane is fitted, the point itself among them.
 const NEIGHBOURS: usize = 12;
 /// Largest standard deviation of points across a plane, as a share of the smaller one along the plane.
 const FLAT: f64 = 0.3;
-/// Sweeps of Jacobi's rotations; each further sweep squares the remaining error.
-const TURNS: usize = 8;
 
 /// Unit normal, of either sign, of the plane through the points nearest to `place`; `None` if the points lie on no
 /// plane.
@@ -35,44 +35,9 @@ pub(super) fn normal_at(tree: &ImmutableKdTree<f64, 3>, points: &[[f64; 3]], pla
     (middle > 0.0 && least <= FLAT * FLAT * middle).then(|| axes.col(order[0]).normalize_or_zero())
 }
 
-/// Principal values and axes of a symmetric matrix (Jacobi's rotations).
-fn principal(matrix: DMat3) -> ([f64; 3], DMat3) {
-    let (mut a, mut axes) = (matrix, DMat3::IDENTITY);
-    for _ in 0..TURNS {
-        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            let off = a.col(q)[p];
-            if off == 0.0 {
-                continue;
-            }
-            let theta = (a.col(q)[q] - a.col(p)[p]) / (2.0 * off);
-            let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-            let c = 1.0 / (t * t + 1.0).sqrt();
-            let mut turn = DMat3::IDENTITY;
-            turn.col_mut(p)[p] = c;
-            turn.col_mut(q)[q] = c;
-            turn.col_mut(q)[p] = t * c;
-            turn.col_mut(p)[q] = -t * c;
-            a = turn.transpose() * a * turn;
-            axes *= turn;
-        }
-    }
-    ([a.x_axis.x, a.y_axis.y, a.z_axis.z], axes)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn principal_axes_make_the_matrix() {
-        let m = DMat3::from_cols_array(&[4.0, 1.0, -2.0, 1.0, 3.0, 0.5, -2.0, 0.5, 7.0]);
-        for matrix in [m, DMat3::from_diagonal(DVec3::new(3.0, 1.0, 2.0)), DMat3::ZERO] {
-            let (values, axes) = principal(matrix);
-            let again = axes * DMat3::from_diagonal(DVec3::from_array(values)) * axes.transpose();
-            assert!((again - matrix).to_cols_array().iter().all(|v| v.abs() < 1e-12), "{again}");
-            assert!((axes.transpose() * axes - DMat3::IDENTITY).to_cols_array().iter().all(|v| v.abs() < 1e-12));
-        }
-    }
 
     #[test]
     fn a_tilted_plane_has_its_normal_and_a_ball_has_none() {

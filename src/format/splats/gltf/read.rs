@@ -7,7 +7,8 @@ use serde_json::Value;
 use super::super::decoding::{damaged, finished, set_coefficient, splat_count};
 use super::super::encoding::MAX_LOGIT;
 use super::super::flip::flipped;
-use super::{BINARY_CHUNK, EXTENSION, FLOAT, JSON_CHUNK, MAGIC, harmonic};
+use super::super::spz;
+use super::{BINARY_CHUNK, EXTENSION, FLOAT, JSON_CHUNK, MAGIC, SPZ, harmonic};
 use crate::format::ply::{Model, REST_BY_DEGREE};
 use crate::format::{At, Error};
 use crate::scene::Gaussians;
@@ -28,9 +29,28 @@ pub fn decode(file: &Path, bytes: &[u8], strict: bool) -> Result<Model, Error> {
         let problem = "no primitive has the extension KHR_gaussian_splatting: this file has no splats";
         Error::malformed(file, "meshes", At::Byte(20), problem)
     })?;
+    if let Some(packed) = primitive["extensions"][EXTENSION]["extensions"].get(SPZ) {
+        let at = packed["bufferView"].as_u64().and_then(|at| usize::try_from(at).ok());
+        return spz::decode(file, packed_bytes(file, &document, buffer, at)?, strict);
+    }
     let source = Source { file, document: &document, buffer, attributes: &primitive["attributes"] };
     let (g, degree) = source.splats(bytes.len())?;
     finished(file, Model { gaussians: flipped(&g), sh_degree: degree, ..Model::default() }, strict)
+}
+
+/// The bytes of a buffer view.
+fn packed_bytes<'a>(
+    file: &Path,
+    document: &Value,
+    buffer: &'a [u8],
+    at: Option<usize>,
+) -> Result<&'a [u8], Error> {
+    let number = |of: &Value| of.as_u64().and_then(|v| usize::try_from(v).ok());
+    let view = at.and_then(|at| document["bufferViews"].get(at));
+    let begin = view.map(|view| number(&view["byteOffset"]).unwrap_or(0));
+    let bytes = view.and_then(|view| number(&view["byteLength"]));
+    let data = begin.zip(bytes).and_then(|(begin, bytes)| buffer.get(begin..)?.get(..bytes));
+    data.ok_or_else(|| damaged(file, SPZ, At::Byte(20), "its data is not in the file"))
 }
 
 /// The document and the binary data.

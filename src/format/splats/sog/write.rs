@@ -24,8 +24,24 @@ const STEPS: f64 = 65_535.0;
 /// Coordinates are those of the model, in its axes: viewers take -y as up. `sh_degree` is the degree of spherical
 /// harmonics in the file, at most that of the model. Splats are reordered, rotations get unit length.
 pub fn encode(model: &Model, sh_degree: u32) -> Result<Vec<u8>, EncodeError> {
-    check(&model.gaussians)?;
-    let g = &model.gaussians.in_morton_order();
+    let (meta, pictures) = parts(model, &model.gaussians.in_morton_order(), sh_degree)?;
+    archive(&meta, pictures)
+}
+
+/// Names and content of the files of an unpacked SOG with the splats of a model, in their order.
+pub fn files(model: &Model, sh_degree: u32) -> Result<Vec<(String, Vec<u8>)>, EncodeError> {
+    let (meta, pictures) = parts(model, &model.gaussians, sh_degree)?;
+    let meta = serde_json::to_vec(&meta).map_err(|e| EncodeError::Encoder(e.to_string()))?;
+    let named = pictures.into_iter().map(|(name, bytes)| (format!("{name}.webp"), bytes));
+    Ok(named.chain([("meta.json".to_owned(), meta)]).collect())
+}
+
+/// Names and bytes of pictures.
+type Pictures = Vec<(&'static str, Vec<u8>)>;
+
+/// The content of `meta.json`, and the pictures, of splats of a model.
+fn parts(model: &Model, g: &Gaussians, sh_degree: u32) -> Result<(Meta, Pictures), EncodeError> {
+    check(g)?;
     let size = picture_size(g.len());
     if size.0.max(size.1) > MOST_SIDE {
         return Err(EncodeError::TooMany { splats: g.len(), most: MOST_SIDE * MOST_SIDE });
@@ -62,11 +78,11 @@ pub fn encode(model: &Model, sh_degree: u32) -> Result<Vec<u8>, EncodeError> {
     };
     let mut pictures = vec![("means_l", low), ("means_u", high), ("quats", quats?), ("scales", scales), ("sh0", sh0)];
     pictures.extend(sh_pictures);
-    archive(&meta, pictures)
+    Ok((meta, pictures))
 }
 
 /// The zip archive. WebP does not get smaller, so nothing is compressed again.
-fn archive(meta: &Meta, pictures: Vec<(&str, Vec<u8>)>) -> Result<Vec<u8>, EncodeError> {
+fn archive(meta: &Meta, pictures: Pictures) -> Result<Vec<u8>, EncodeError> {
     let failed = |e: &dyn std::fmt::Display| EncodeError::Encoder(e.to_string());
     let meta = serde_json::to_vec(meta).map_err(|e| failed(&e))?;
     let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));

@@ -1,0 +1,236 @@
+//! Levels of detail in files: 3D Tiles and streamed SOG, read again by other means than those that wrote them.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{Cursor, Write};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use psrgs_vk::format::ply::{self, Model};
+use psrgs_vk::format::splats::{self, sog};
+use psrgs_vk::geodesy::Georeference;
+use psrgs_vk::lod::{Content, StreamedSog, TileSet};
+use psrgs_vk::scene::{Coordinates, Gaussians, Geodetic, Similarity};
+use serde_json::Value;
+
+use super::compact::with_degree;
+use super::readers::{SPLAT_TRANSFORM, VALIDATE, installed, run};
+
+fn json(file: &Path) -> Value {
+    serde_json::from_slice(&fs::read(file).expect("a file")).expect("JSON")
+}
+
+fn numbers(of: &Value) -> Vec<f64> {
+    of.as_array().expect("a list").iter().map(|v| v.as_f64().expect("a number")).collect()
+}
+
+fn set(folder: &Path, content: Content) -> TileSet<'_> {
+    TileSet { folder, content, sh_degree: 1, to_earth: None }
+}
+
+/// Visits tiles from the root on, each with the geometric error of its parent.
+fn visit<'a>(tile: &'a Value, parent: f64, found: &mut Vec<(&'a Value, f64)>) {
+    found.push((tile, parent));
+    let own = tile["geometricError"].as_f64().expect("an error");
+    tile["children"].as_array().into_iter().flatten().for_each(|child| visit(child, own, found));
+}
+
+/// Whether the centres of splats lie in a tile's box: y up of files is z up of tiles.
+fn holds(tile: &Value, means: &[f32]) -> bool {
+    let volume = numbers(&tile["boundingVolume"]["box"]);
+    let half = [volume[3], volume[7], volume[11]];
+    means.chunks_exact(3).all(|p| {
+        // In the axes of models -y is up, and tiles have z up.
+        let p = [p[0], p[2], -p[1]].map(f64::from);
+        (0..3).all(|k| (p[k] - volume[k]).abs() <= half[k] + 1e-6)
+    })
+}
+
+#[test]
+fn tiles_of_a_set_keep_the_rules_and_hold_every_splat() {
+    let model = with_degree(1500, 1);
+    for content in [Content::Glb, Content::Spz] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        set(folder.path(), content).write(&model, 100).expect("written");
+        let document = json(&folder.path().join("tileset.json"));
+        assert_eq!(document["asset"]["version"], "1.1");
+        let extension = &document["extensions"]["3DTILES_content_gltf"];
+        let spz = content == Content::Spz;
+        assert_eq!(extension["extensionsRequired"].as_array().map(Vec::len), Some(1 + usize::from(spz)));
+        assert_eq!(document["extensionsUsed"][0], "3DTILES_content_gltf");
+        let mut tiles = Vec::new();
+        visit(&document["root"], document["geometricError"].as_f64().expect("an error"), &mut tiles);
+        let (mut files, mut splats_in_leaves) = (BTreeSet::new(), 0);
+        for (tile, parent) in &tiles {
+            let error = tile["geometricError"].as_f64().expect("an error");
+            assert!(error >= 0.0 && error <= *parent && (error == 0.0) == tile["children"].is_null(), "{tile}");
+            let name = tile["content"]["uri"].as_str().expect("a name");
+            let read = splats::read(&folder.path().join(name), true).expect("a tile");
+            assert!(files.insert(name) && (1..=100).contains(&read.gaussians.len()) && read.sh_degree == 1);
+            assert!(holds(tile, &read.gaussians.means), "{tile}");
+            splats_in_leaves += if tile["children"].is_null() { read.gaussians.len() } else { 0 };
+        }
+        assert_eq!((splats_in_leaves, document["root"]["refine"].as_str()), (1500, Some("REPLACE")));
+        // A smaller set in the same folder leaves no file of the larger one, and no other file goes.
+        fs::write(folder.path().join("tile_notes.glb"), "mine").expect("written");
+        set(folder.path(), content).write(&with_degree(50, 1), 100).expect("written");
+        let left: BTreeSet<_> = fs::read_dir(folder.path()).expect("a folder").flatten().map(|e| e.file_name()).collect();
+        assert_eq!(left, ["tile.glb", "tile_notes.glb", "tileset.json"].map(Into::into).into());
+    }
+}
+
+#[test]
+fn a_leaf_tile_has_the_splats_of_the_model_as_they_are() {
+    let model = with_degree(80, 1);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    set(folder.path(), Content::Glb).write(&model, 100).expect("written");
+    let read = splats::read(&folder.path().join("tile.glb"), true).expect("a tile").gaussians;
+    assert_eq!(read.means, model.gaussians.means);
+    let same = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
+    assert!(same(&read.scales, &model.gaussians.scales) && same(&read.sh[0], &model.gaussians.sh[0]));
+}
+
+/// Metres in the axes of the Earth, by the definition of geodetic coordinates.
+fn on_earth(place: Geodetic) -> [f64; 3] {
+    let (a, f) = (6_378_137.0_f64, 1.0 / 298.257_223_563_f64);
+    let (latitude, longitude) = (place.latitude.to_radians(), place.longitude.to_radians());
+    let n = a / (1.0 - f * (2.0 - f) * latitude.sin().powi(2)).sqrt();
+    let flat = (n + place.altitude) * latitude.cos();
+    [flat * longitude.cos(), flat * longitude.sin(), (n * (1.0 - f).powi(2) + place.altitude) * latitude.sin()]
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
+}
+
+#[test]
+fn the_root_transform_puts_tiles_on_the_globe() {
+    let origin = Geodetic { latitude: 51.5, longitude: -0.12, altitude: 80.0 };
+    let plane = Coordinates::EastNorthUp { origin };
+    let grid = Coordinates::grid("WGS84 UTM 30N", None, [699_000.0, 5_709_000.0]);
+    for (coordinates, far) in [(plane, 1e-6), (grid, 0.1)] {
+        let georeference = Georeference::of_coordinates(&coordinates, None).expect("a map");
+        let middle = [400.0, 200.0, 30.0];
+        let to_earth = georeference.to_earth_at(middle).expect("a place");
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let tiles = TileSet { to_earth: Some(to_earth), ..set(folder.path(), Content::Spz) };
+        tiles.write(&with_degree(30, 0), 100).expect("written");
+        let matrix = numbers(&json(&folder.path().join("tileset.json"))["root"]["transform"]);
+        for (point, most) in [(middle, 1e-4), ([500.0, 300.0, 60.0], far)] {
+            // The point in the axes of tiles; the matrix is given by columns.
+            let [x, y, z] = [point[0], point[2], -point[1]];
+            let found = std::array::from_fn(|r| matrix[r] * x + matrix[4 + r] * y + matrix[8 + r] * z + matrix[12 + r]);
+            let known = on_earth(georeference.to_geodetic(point).expect("a place"));
+            assert!(distance(found, known) < most, "{coordinates}: {found:?} for {known:?}");
+        }
+    }
+    assert_eq!(Georeference::local().to_earth_at([0.0; 3]), None);
+}
+
+#[test]
+fn errors_of_a_set_are_in_metres_where_its_place_is_known() {
+    let model = with_degree(500, 0);
+    let errors = |scale: f64| {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let to_earth = Some(Similarity { scale, ..Similarity::IDENTITY });
+        TileSet { to_earth, ..set(folder.path(), Content::Glb) }.write(&model, 100).expect("written");
+        let document = json(&folder.path().join("tileset.json"));
+        [&document["geometricError"], &document["root"]["geometricError"]].map(|v| v.as_f64().expect("an error"))
+    };
+    let (one, ten) = (errors(1.0), errors(10.0));
+    // That of a tile is in the tile's units, which the transform scales.
+    assert!((ten[0] - 10.0 * one[0]).abs() < 1e-6 * ten[0] && ten[1] == one[1], "{one:?} {ten:?}");
+}
+
+#[test]
+fn the_gltf_validator_knows_no_worse_of_packed_tiles() {
+    let Some(validator) = installed("node_modules/gltf-validator", "node") else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    set(folder.path(), Content::Spz).write(&with_degree(300, 1), 100).expect("written");
+    let said = run(Command::new("node").args(["-e", VALIDATE]).arg(&validator).arg(folder.path().join("tile.glb")));
+    assert!(said.contains("DONE"), "{said}");
+    for line in said.lines().filter(|line| !line.starts_with("DONE")) {
+        // The validator does not know that the extension uses the buffer view.
+        let known = ["UNSUPPORTED_EXTENSION", "UNUSED_OBJECT"].iter().any(|code| line.starts_with(code))
+            || line.starts_with("MESH_PRIMITIVE_INVALID_ATTRIBUTE") && line.contains("KHR_gaussian_splatting:");
+        assert!(known, "{line}");
+    }
+}
+
+/// An unpacked SOG as one archive.
+fn archive(folder: &Path) -> Vec<u8> {
+    let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    for entry in fs::read_dir(folder).expect("a folder").flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        zip.start_file(name, zip::write::SimpleFileOptions::default()).expect("begun");
+        zip.write_all(&fs::read(entry.path()).expect("a file")).expect("written");
+    }
+    zip.finish().expect("an archive").into_inner()
+}
+
+/// The cells of a tree.
+fn cells<'a>(node: &'a Value, found: &mut Vec<&'a Value>) {
+    match node["children"].as_array() {
+        Some(children) => children.iter().for_each(|child| cells(child, found)),
+        None => found.push(node),
+    }
+}
+
+fn streamed(folder: &Path, model: &Model) -> (Value, Vec<PathBuf>) {
+    StreamedSog { folder, sh_degree: 1 }.write(model, 100).expect("written");
+    let meta = json(&folder.join("lod-meta.json"));
+    let names = meta["filenames"].as_array().expect("names").iter();
+    let files = names.map(|name| folder.join(name.as_str().expect("a name"))).collect();
+    (meta, files)
+}
+
+#[test]
+fn streamed_sog_has_every_cell_in_every_level() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (meta, files) = streamed(folder.path(), &with_degree(1500, 1));
+    let read = |file: &PathBuf| {
+        let bytes = archive(file.parent().expect("a folder"));
+        sog::decode(file, &bytes, true).expect("SOG").gaussians
+    };
+    let read: Vec<Gaussians> = files.iter().map(read).collect();
+    let mut found = Vec::new();
+    cells(&meta["tree"], &mut found);
+    assert_eq!((meta["lodLevels"].as_u64(), meta["version"].as_u64()), (Some(4), Some(1)));
+    let mut counts = [0; 4];
+    let mut covered: Vec<Vec<bool>> = read.iter().map(|g| vec![false; g.len()]).collect();
+    for cell in &found {
+        let bound = |side: &str| numbers(&cell["bound"][side]);
+        let (low, high) = (bound("min"), bound("max"));
+        let mut before: Option<usize> = None;
+        for (level, count_of_level) in counts.iter_mut().enumerate() {
+            let run = &cell["lods"][level.to_string()];
+            let [file, offset, count] =
+                ["file", "offset", "count"].map(|key| run[key].as_u64().expect("a number") as usize);
+            assert_eq!(count, before.map_or(count, |before| before.div_ceil(4)));
+            before = Some(count);
+            *count_of_level += count;
+            for i in offset..offset + count {
+                assert!(!std::mem::replace(&mut covered[file][i], true), "splat {i} of {file} is in two cells");
+                let inside = |k: usize| (low[k] - 1e-3..=high[k] + 1e-3).contains(&f64::from(read[file].means[3 * i + k]));
+                assert!((0..3).all(inside), "splat {i} of {file} is out of its cell");
+            }
+        }
+    }
+    assert!(covered.iter().flatten().all(|covered| *covered), "a splat is in no cell");
+    assert_eq!((found.len(), counts[0], numbers(&meta["counts"])), (15, 1500, counts.map(|n| n as f64).to_vec()));
+}
+
+#[test]
+fn splat_transform_reads_the_files_of_streamed_sog() {
+    let Some(program) = installed(SPLAT_TRANSFORM, "node") else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let model = with_degree(300, 1);
+    let (meta, files) = streamed(folder.path(), &model);
+    let mut all = 0;
+    for file in &files {
+        let back = file.with_extension("ply");
+        run(Command::new("node").arg(&program).args(["-q", "-w", "-g", "cpu"]).args([file, &back]));
+        all += ply::read(&back).expect("read").gaussians.len() as u64;
+    }
+    assert_eq!(meta["count"].as_u64(), Some(all));
+}
