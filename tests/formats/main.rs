@@ -5,6 +5,7 @@ mod clouds;
 #[path = "../common/mod.rs"]
 mod common;
 mod compact;
+mod globe;
 mod levels;
 mod merging;
 mod meshes;
