@@ -245,7 +245,8 @@ impl Georeference {
         let local = |at: [f64; 3]| self.to_geodetic(at).map_or([f64::NAN; 3], |place| tangent.from_geodetic(place));
         let linear = self.linear_at(p, local);
         let squares: f64 = linear.iter().flatten().map(|v| v * v).sum();
-        let turned = Similarity { rotation: nearest_rotation(linear), scale: (squares / 3.0).sqrt(), translation: [0.0; 3] };
+        let turned =
+            Similarity { rotation: nearest_rotation(linear), scale: (squares / 3.0).sqrt(), translation: [0.0; 3] };
         Some(turned.after_shift(p.map(|v| -v)).then(&tangent.to_earth()))
     }
 

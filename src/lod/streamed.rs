@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::tree::{Bounds, parts};
 use super::Splats;
+use super::tree::{Bounds, parts};
 use crate::format::ply::Model;
 use crate::format::splats::sog;
 use crate::format::{Error, atomic};

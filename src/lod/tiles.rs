@@ -113,7 +113,8 @@ impl TileSet<'_> {
     /// From the axes of tiles to those of the Earth, or of the model turned so that its -y is up.
     fn root_transform(&self) -> Similarity {
         // Viewers turn the axes of glTF, y up, to those of tiles, z up. Files have y and z of the model negated.
-        let to_model = Similarity { rotation: [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]], ..Similarity::IDENTITY };
+        let to_model =
+            Similarity { rotation: [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]], ..Similarity::IDENTITY };
         self.to_earth.map_or(Similarity::IDENTITY, |to_earth| to_model.then(&to_earth))
     }
 }

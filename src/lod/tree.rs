@@ -183,4 +183,3 @@ fn halves<'a>(model: &Gaussians, rows: &'a mut [u32], leaves: usize) -> (Half<'a
     let (a, b) = rows.split_at_mut(middle);
     ((a, first), (b, leaves - first))
 }
-

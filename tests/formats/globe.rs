@@ -38,7 +38,13 @@ fn plane() -> Gaussians {
     for i in 0..side * side {
         let (x, y) = ((i % side) as f32 - 19.5, (i / side) as f32 - 19.5);
         g.means[3 * i..3 * i + 3].copy_from_slice(&[x, y, 0.0]);
-        let colour = if x < 0.0 { 0 } else if y < 0.0 { 1 } else { 2 };
+        let colour = if x < 0.0 {
+            0
+        } else if y < 0.0 {
+            1
+        } else {
+            2
+        };
         (0..3).for_each(|c| g.sh[0][12 * i + c] = if c == colour { 1.7 } else { -1.7 });
     }
     g.quats.iter_mut().step_by(4).for_each(|w| *w = 1.0);
@@ -80,7 +86,8 @@ fn answer(mut stream: &TcpStream, cesium: &Path, tiles: &Path) -> Option<()> {
     };
     let (state, body) = body.map_or(("404 Not Found", Vec::new()), |body| ("200 OK", body));
     let size = body.len();
-    let head = format!("HTTP/1.1 {state}\r\nContent-Type: {kind}\r\nContent-Length: {size}\r\nConnection: close\r\n\r\n");
+    let head =
+        format!("HTTP/1.1 {state}\r\nContent-Type: {kind}\r\nContent-Length: {size}\r\nConnection: close\r\n\r\n");
     stream.write_all(head.as_bytes()).ok()?;
     stream.write_all(&body).ok()
 }

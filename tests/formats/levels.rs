@@ -74,7 +74,8 @@ fn tiles_of_a_set_keep_the_rules_and_hold_every_splat() {
         // A smaller set in the same folder leaves no file of the larger one, and no other file goes.
         fs::write(folder.path().join("tile_notes.glb"), "mine").expect("written");
         set(folder.path(), content).write(&with_degree(50, 1), 100).expect("written");
-        let left: BTreeSet<_> = fs::read_dir(folder.path()).expect("a folder").flatten().map(|e| e.file_name()).collect();
+        let left: BTreeSet<_> =
+            fs::read_dir(folder.path()).expect("a folder").flatten().map(|e| e.file_name()).collect();
         assert_eq!(left, ["tile.glb", "tile_notes.glb", "tileset.json"].map(Into::into).into());
     }
 }
@@ -211,7 +212,8 @@ fn streamed_sog_has_every_cell_in_every_level() {
             *count_of_level += count;
             for i in offset..offset + count {
                 assert!(!std::mem::replace(&mut covered[file][i], true), "splat {i} of {file} is in two cells");
-                let inside = |k: usize| (low[k] - 1e-3..=high[k] + 1e-3).contains(&f64::from(read[file].means[3 * i + k]));
+                let inside =
+                    |k: usize| (low[k] - 1e-3..=high[k] + 1e-3).contains(&f64::from(read[file].means[3 * i + k]));
                 assert!((0..3).all(inside), "splat {i} of {file} is out of its cell");
             }
         }

@@ -204,7 +204,8 @@ fn errors_and_bounds_of_tiles_hold_those_below() {
         assert_eq!(tile.error == 0.0, tile.children.is_empty());
         for child in tile.children.iter().map(|k| &tree.tiles[*k]) {
             assert!(child.error <= tile.error && child.path[..tile.path.len()] == tile.path);
-            let holds = |k: usize| tile.bounds.low[k] <= child.bounds.low[k] && child.bounds.high[k] <= tile.bounds.high[k];
+            let holds =
+                |k: usize| tile.bounds.low[k] <= child.bounds.low[k] && child.bounds.high[k] <= tile.bounds.high[k];
             assert!((0..3).all(holds), "{tile:?} {child:?}");
         }
     }

@@ -39,12 +39,7 @@ pub fn decode(file: &Path, bytes: &[u8], strict: bool) -> Result<Model, Error> {
 }
 
 /// The bytes of a buffer view.
-fn packed_bytes<'a>(
-    file: &Path,
-    document: &Value,
-    buffer: &'a [u8],
-    at: Option<usize>,
-) -> Result<&'a [u8], Error> {
+fn packed_bytes<'a>(file: &Path, document: &Value, buffer: &'a [u8], at: Option<usize>) -> Result<&'a [u8], Error> {
     let number = |of: &Value| of.as_u64().and_then(|v| usize::try_from(v).ok());
     let view = at.and_then(|at| document["bufferViews"].get(at));
     let begin = view.map(|view| number(&view["byteOffset"]).unwrap_or(0));

@@ -2,9 +2,9 @@
 
 use serde_json::{Value, json};
 
-use super::super::{EncodeError, spz};
 use super::super::encoding::{alpha_byte, byte, check, coefficient, rest, unit_quat};
 use super::super::flip::flipped;
+use super::super::{EncodeError, spz};
 use super::{BINARY_CHUNK, BYTE, EXTENSION, FLOAT, JSON_CHUNK, MAGIC, SPZ, harmonic};
 use crate::format::ply::Model;
 use crate::scene::Gaussians;
