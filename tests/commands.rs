@@ -5,6 +5,8 @@
 
 #[path = "commands/bad_data.rs"]
 mod bad_data;
+#[path = "commands/blocks_run.rs"]
+mod blocks_run;
 mod colmap_folder;
 mod common;
 #[path = "commands/compare.rs"]

@@ -223,7 +223,7 @@ fn options_that_the_documents_name_exist() {
         .filter_map(|line| line.strip_prefix("  ")?.split(' ').next().filter(|name| !name.is_empty()))
         .collect();
     assert!(commands.len() >= 13 && commands.contains(&"train"), "{commands:?}");
-    let parts = ["plan"].map(|part| help(&["blocks", part])).concat();
+    let parts = ["plan", "run", "merge", "status"].map(|part| help(&["blocks", part])).concat();
     let helps: String = commands.iter().filter(|name| **name != "help").map(|name| help(&[name])).collect();
     let helps = helps + &parts;
     // The name of an option, up to the first character that cannot be a part of it.

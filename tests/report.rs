@@ -126,6 +126,7 @@ fn example(views: usize, side: u32) -> ReportData {
         .map(|(a, b)| (a.into(), b.into()))
         .into(),
         notes: vec!["The scene is synthetic: its true depth lies in demo/depth.".into()],
+        drawing: None,
         model: None,
     }
 }
@@ -359,6 +360,7 @@ fn empty_runs_have_a_page() {
         views: vec![],
         files: vec![],
         notes: vec![],
+        drawing: None,
         model: None,
     };
     let page = render_report(&data).unwrap();

@@ -5,11 +5,14 @@
 //! machine has to know to train a block.
 
 mod cell;
+mod done;
 mod error;
+mod folder;
 mod frequency;
 mod ground;
 mod hash;
 mod memory;
+mod merge;
 mod partition;
 mod photographs;
 mod picture;
@@ -20,9 +23,12 @@ mod table;
 mod time;
 
 pub use cell::Cell;
+pub use done::{BEGUN_FILE, BlockMetrics, DONE_FILE, DoneFile, GLOBAL, Origin, Stale};
 pub use error::{Error, Limit};
+pub use folder::{BlockState, MODEL_FILE, PlanFolder};
 pub use ground::Ground;
 pub use hash::{FileRecord, sha256_of};
+pub use merge::{BlockModel, Merged, merge};
 pub use picture::picture;
 pub use plan::{Count, PlanRequest, Planned, model_sha256, plan};
 pub use plan_file::{

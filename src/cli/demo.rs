@@ -81,6 +81,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console, started
             overwrite: true,
             preset: None,
             view: None,
+            part: None,
             lose_device_at: None,
             keep_no_photographs: false,
         },

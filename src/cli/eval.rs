@@ -64,7 +64,23 @@ pub(crate) struct Args {
     pub(crate) host: HostChoice,
 }
 
+/// What the caller adds to the results.
+#[derive(Debug, Default)]
+pub(crate) struct Beside {
+    /// The report's file, in place of that in the folder of pictures.
+    pub(crate) report: Option<PathBuf>,
+    /// A drawing in SVG for the report, with its caption.
+    pub(crate) drawing: Option<(String, String)>,
+    /// Values for the JSON file.
+    pub(crate) values: serde_json::Map<String, serde_json::Value>,
+}
+
 pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::Result<()> {
+    score(args, &Beside::default(), console, started)
+}
+
+/// Scores a model, writes the results that the options ask for, and adds what the caller has.
+pub(crate) fn score(args: &Args, beside: &Beside, console: &Console, started: Instant) -> anyhow::Result<()> {
     may_be_written(args)?;
     let model = model_with_splats(args, console)?;
     let options = args.size.apply(prepare::load_options(&args.photographs, args.look.scene.background.rgb));
@@ -103,12 +119,13 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     tell_scores(&compared, &geometry, console)?;
 
     let size = views.first().map_or((0, 0), |v| (v.camera.width, v.camera.height));
-    let scored = Scored { args, model: &model, dataset: &dataset, gpu: &gpu, size, compared, geometry };
+    let scored = Scored { args, beside, model: &model, dataset: &dataset, gpu: &gpu, size, compared, geometry };
     if let Some(file) = &args.json {
         scored.write_json(file)?;
     }
     if let Some(folder) = &args.out {
-        scored.write_report(&folder.join(REPORT), started)?;
+        let report = beside.report.clone().unwrap_or_else(|| folder.join(REPORT));
+        scored.write_report(&report, started)?;
         console.say(format_args!("pictures and report in {}", folder.display()));
     }
     Ok(())

@@ -15,6 +15,8 @@ pub(crate) struct Finished<'a> {
     pub(crate) folder: &'a RunFolder,
     pub(crate) dataset: &'a Dataset,
     pub(crate) gpu: &'a Gpu,
+    /// Whether the whole scene was trained: geometry says nothing of a part.
+    pub(crate) whole: bool,
     /// When the process started.
     pub(crate) started: Instant,
     /// Seconds of training, earlier stretches of a resumed run included.

@@ -194,7 +194,7 @@ fn run(command: &Command, matches: &ArgMatches, console: &Console, started: Inst
         Command::Points(args) => points::run(args, console),
         Command::Demo(args) => demo::run(args, interrupt, console, started),
         Command::Bench(args) => bench::run(args, console),
-        Command::Blocks(args) => blocks::run(args, own, console),
+        Command::Blocks(args) => blocks::run(args, own, interrupt, console, started),
         Command::Check(args) => check::run(args, own, console),
         Command::Compare(args) => compare::run(args, interrupt, console),
         Command::Saliency(args) => saliency::run(args, console),

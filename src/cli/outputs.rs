@@ -72,11 +72,16 @@ pub(crate) fn write(
     let metrics = metrics(run, trainer, &saved, exposures, geometry, peak_device_bytes);
     let metrics = metrics.with_images(images).with_training(of_training);
     metrics.write(&run.folder.file(METRICS))?;
+    tell_misfits(&metrics.training_photographs, console);
+    if !run.whole {
+        // A part is looked at when the parts are put together.
+        tell(&metrics, &saved.file, None, console);
+        return Ok(());
+    }
     let report = run.folder.file(REPORT);
     let data = report::data(run, trainer.history(), metrics, panels, &saved, sigmas)?;
     eval::write_report(&data, &report)?;
-    tell_misfits(&data.metrics.training_photographs, console);
-    tell(&data.metrics, &saved.file, &report, console);
+    tell(&data.metrics, &saved.file, Some(&report), console);
     Ok(())
 }
 
@@ -152,6 +157,9 @@ fn seen_pixels(run: &Finished<'_>) -> Result<SeenPixels, GeometryError> {
 
 /// Compares the model with the dataset's ground truth and reconstructed points, as far as there are any.
 fn known_geometry(run: &Finished<'_>, model: &Gaussians, trainer: &mut Trainer) -> anyhow::Result<Geometry> {
+    if !run.whole {
+        return Ok(Geometry::default());
+    }
     let options = prepare::load_options_of(run.settings);
     geometry::measure_by(run.dataset, &options, model, |camera, known| {
         Ok((trainer.picture(camera)?, trainer.probe(camera, known)?))
@@ -246,7 +254,7 @@ fn tell_misfits(photographs: &[TrainingPhotograph], console: &Console) {
 }
 
 /// Prints the scores, the times and the paths of the results.
-fn tell(metrics: &Metrics, model: &Path, report: &Path, console: &Console) {
+fn tell(metrics: &Metrics, model: &Path, report: Option<&Path>, console: &Console) {
     if let (Some(psnr), Some(ssim)) = (metrics.psnr, metrics.ssim) {
         let fitted = metrics.psnr_cc.map(|p| format!(" ({p:.2} with colours fitted)")).unwrap_or_default();
         let lpips = metrics.lpips_squeeze.map_or_else(String::new, |v| format!(", LPIPS {v:.4}"));
@@ -279,10 +287,10 @@ fn tell(metrics: &Metrics, model: &Path, report: &Path, console: &Console) {
         console.say(format_args!("geometry: {}", known.join("; ")));
     }
     console.say(format_args!(
-        "{} in {}; report: {}",
+        "{} in {}{}",
         counted(metrics.splats, "splat"),
         model.display(),
-        report.display()
+        report.map_or_else(String::new, |report| format!("; report: {}", report.display()))
     ));
 }
 

@@ -29,7 +29,7 @@ pub(crate) const CHECKPOINTS: &str = "checkpoints";
 /// Folder name of the held-out renders.
 pub(crate) const RENDERS: &str = "renders";
 /// Locked while a run writes into the folder.
-const LOCK: &str = ".lock";
+pub(crate) const LOCK: &str = ".lock";
 
 /// A run's folder. Until it is dropped, only this process writes into it.
 #[derive(Debug)]
@@ -39,6 +39,8 @@ pub(crate) struct RunFolder {
     old: Vec<PathBuf>,
     /// Warnings about the folder.
     warnings: Vec<String>,
+    /// The command that goes on with the run.
+    again: String,
     /// Ends with this value, and also when the process is killed.
     _lock: Lock,
 }
@@ -59,7 +61,7 @@ impl RunFolder {
         let elsewhere = |e: &io::Error| Failure::Output(format!("{}: {e}{remedy}", checkpoints.display()));
         fs::create_dir_all(&checkpoints).map_err(|e| elsewhere(&e))?;
         let mut warnings = Vec::new();
-        let lock = take(&path, plan.resume, disk, &mut warnings)?;
+        let lock = take(&path, plan.resume || plan.part.is_some(), disk, &mut warnings)?;
         if let Some(refusal) = atomic::unflushed(&path, disk) {
             warnings.push(format!(
                 "{}: the file system does not flush folders to the disk ({refusal}): after a loss of power the newest \
@@ -80,7 +82,7 @@ impl RunFolder {
         if old.iter().any(|file| file.starts_with(&checkpoints)) {
             not_through_a_link(&checkpoints)?;
         }
-        let folder = Self { path, old, warnings, _lock: lock };
+        let folder = Self { path, old, warnings, again: plan.again(), _lock: lock };
         if !plan.resume && folder.old.is_empty() {
             folder.write_settings(&plan.settings)?;
         }
@@ -115,11 +117,9 @@ impl RunFolder {
             return error;
         }
         let remedy = match checkpoint::newest(&self.checkpoints()) {
-            Some((step, file)) => format!(
-                "saved up to step {step}, in {}; without the cause it goes on: psrgs-vk train --resume {}",
-                file.display(),
-                self.path.display()
-            ),
+            Some((step, file)) => {
+                format!("saved up to step {step}, in {}; without the cause it goes on: {}", file.display(), self.again)
+            }
             None => "there is no checkpoint to go on from: the same command begins anew".to_owned(),
         };
         error.context(Remedy(remedy))
@@ -172,7 +172,7 @@ fn not_of_others(folder: &Path, plan: &RunPlan) -> Result<(), Failure> {
             "{}: holds {}, which psrgs-vk did not write and which would be replaced; move that file elsewhere{}",
             folder.display(),
             file.strip_prefix(folder).unwrap_or(&file).display(),
-            if plan.resume { "" } else { ", or choose another --out" }
+            if plan.resume || plan.part.is_some() { "" } else { ", or choose another --out" }
         )));
     }
     if plan.resume || plan.overwrite || folder.join(SETTINGS).exists() {
@@ -238,6 +238,7 @@ mod tests {
             overwrite: false,
             preset: None,
             view: None,
+            part: None,
             lose_device_at: None,
             keep_no_photographs: false,
         }

@@ -46,6 +46,14 @@ pub enum Error {
         /// The photograph's file.
         file: PathBuf,
     },
+    /// A name that no photograph has.
+    #[error("{}: no photograph is named '{name}'; the dataset has changed, or is another one", dataset.display())]
+    NoSuchPhotograph {
+        /// The dataset's folder.
+        dataset: PathBuf,
+        /// The name.
+        name: String,
+    },
     /// A model without photographs.
     #[error("{}: the model has no images", file.display())]
     NoImages {

@@ -26,6 +26,7 @@ mod nerfstudio;
 mod numeric_limits;
 mod opendronemap;
 mod opensfm;
+mod part;
 mod photograph;
 mod picture_file;
 mod picture_size;
@@ -82,6 +83,7 @@ use crate::scene::init::{self, InitError};
 use crate::scene::{Camera, Coordinates, Frame, Gaussians};
 use lens::Lens;
 use model::{Model, Shot};
+use part::OfWhole;
 
 /// How a dataset is loaded.
 #[derive(Clone, Debug, PartialEq)]
@@ -227,6 +229,11 @@ pub struct Dataset {
 impl Dataset {
     /// Loads the model in a folder, and finds its photographs and masks.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self, Error> {
+        Self::load_of(path, options, None)
+    }
+
+    /// Loads all photographs, or those of a part.
+    fn load_of(path: &Path, options: &LoadOptions, part: Option<&OfWhole>) -> Result<Self, Error> {
         sizing::check(options.sizing())?;
         let mut model = Model::read(path, options.format, options.strict)?;
         usable::names(&mut model, options.strict)?;
@@ -237,14 +244,24 @@ impl Dataset {
         model.warnings.extend(colourless.clone().map(Warning::PointsWithoutColours));
         // The split counts all photographs: a missing one does not change the roles of the others.
         let planned = split::planned(options.split, &model.shots);
-        let images = if options.photographs { Some(find_photographs(path, options, &mut model)?) } else { None };
+        if let Some(part) = part {
+            let kept: Vec<bool> = model.shots.iter().map(|shot| part.role(&shot.name).is_some()).collect();
+            model.keep_shots(&kept);
+        }
+        let images = match options.photographs {
+            true => Some(find_photographs(path, options, &mut model, part.is_none())?),
+            false => None,
+        };
 
         let masks_folder = Some(path.join(masks::FOLDER)).filter(|folder| images.is_some() && folder.is_dir());
         let masks = match &images {
             Some(_) => masks::find(path, masks_folder.as_deref(), &mut model)?,
             None => vec![None; model.shots.len()],
         };
-        let roles = roles(&planned, &model.shots, &mut model.warnings);
+        let roles = match part {
+            Some(part) => model.shots.iter().map(|shot| part.role(&shot.name).unwrap_or(Role::Unused)).collect(),
+            None => roles(&planned, &model.shots, &mut model.warnings),
+        };
         let views = views::of_shots(&model, images.as_ref(), options, roles, masks);
         let mut views = usable::views(&mut model, views, options.strict)?;
         let masks = count_masks(&mut model, masks_folder, &views);
@@ -252,7 +269,7 @@ impl Dataset {
             model.warnings.extend(masks::unread_folder(path).map(|folder| Warning::UnreadMasks { folder }));
         }
 
-        let (frame, extent) = place(&mut model, &mut views, options.strict)?;
+        let (frame, extent) = place(&mut model, &mut views, options.strict, part)?;
         let useless = useless_points(&model, &views, colourless.is_some());
         Ok(Self {
             path: path.to_owned(),
@@ -323,8 +340,9 @@ fn colourless(model: &mut Model) -> Option<Colourless> {
     Some(Colourless { file: model.points_file.clone().unwrap_or_else(|| model.file.clone()), why })
 }
 
-/// Chooses the folder of photographs, and finds each photograph there, also under a slightly different name.
-fn find_photographs(path: &Path, options: &LoadOptions, model: &mut Model) -> Result<ImagesFolder, Error> {
+/// Chooses the folder of photographs, and finds each photograph there, also under a slightly different name. `whole`
+/// says whether other photographs than those of the model have no pose.
+fn find_photographs(path: &Path, options: &LoadOptions, model: &mut Model, whole: bool) -> Result<ImagesFolder, Error> {
     let files: Vec<String> = model.shots.iter().map(|s| s.file.clone()).collect();
     let names: Vec<&str> = files.iter().map(String::as_str).collect();
     let longest = model.shots.iter().map(|s| s.lens.size[0].max(s.lens.size[1])).max().unwrap_or(1);
@@ -362,6 +380,7 @@ fn find_photographs(path: &Path, options: &LoadOptions, model: &mut Model) -> Re
     // A dataset's own folder also holds masks and depth, so extra pictures in it say nothing.
     let unposed = match &model.images {
         Some(_) => 0,
+        None if !whole => 0,
         None => folder::count_photographs(&images.path).saturating_sub(model.shots.len()),
     };
     if unposed > 0 {
@@ -371,12 +390,23 @@ fn find_photographs(path: &Path, options: &LoadOptions, model: &mut Model) -> Re
 }
 
 /// Checks the poses, places the scene's frame over the sound ones, and leaves out views and points outside the frame's
-/// range. Returns the frame and the extent.
-fn place(model: &mut Model, views: &mut Vec<View>, strict: bool) -> Result<(Frame, f64), Error> {
+/// range. A part has the frame of the whole. Returns the frame and the extent.
+fn place(
+    model: &mut Model,
+    views: &mut Vec<View>,
+    strict: bool,
+    part: Option<&OfWhole>,
+) -> Result<(Frame, f64), Error> {
     let mut judged = poses::Judgement::of(model)?;
     judged.apply(views, &mut model.warnings);
-    let centers = poses::without_far(&judged, views, &model.points, &mut model.warnings);
-    let (frame, extent, degenerate) = extent::scene_frame(&centers, &model.points);
+    let (frame, extent, degenerate) = match part {
+        // Which cameras are far from all others was judged for the whole.
+        Some(of) => (of.frame, of.extent, None),
+        None => {
+            let centers = poses::without_far(&judged, views, &model.points, &mut model.warnings);
+            extent::scene_frame(&centers, &model.points)
+        }
+    };
     model.warnings.extend(degenerate);
     usable::placed(model, views, &frame, strict)?;
     Ok((frame, extent))

@@ -24,6 +24,7 @@ mod compressed;
 mod header;
 mod mesh;
 mod read;
+mod stream;
 mod write;
 
 use std::path::Path;
@@ -36,6 +37,7 @@ pub(crate) use colours::of_numbers as colours_of_numbers;
 pub use compressed::encode_compressed;
 pub use mesh::Mesh;
 pub use read::{read, read_with};
+pub use stream::{SPLAT_BYTES, SplatBytes, Splats, position, set_position, write_splats};
 pub(super) use write::inconsistent;
 pub use write::{write, write_degree};
 

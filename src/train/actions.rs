@@ -1,6 +1,7 @@
 //! What the host does to the model between steps. Each action has a file of its own, implements [`HostAction`], and is
 //! listed in [`Actions::new`]; nothing else knows an action by name.
 
+mod confine;
 mod footprint;
 mod given;
 mod propagate;
@@ -18,7 +19,8 @@ use super::schedule::{Event, Schedule};
 use super::settings::Settings;
 use crate::vk::Gpu;
 
-use given::{AddSkirt, KeepToCloud};
+use confine::Confine;
+use given::{AddSkirt, KeepInside};
 use propagate::Propagate;
 use prune::Prune;
 use relocate::Relocate;
@@ -79,8 +81,9 @@ impl Actions {
     /// The actions of a training that goes on after `step`.
     pub(super) fn new(gpu: &Gpu, input: &Input, settings: &Settings, step: u32) -> Result<Self, Error> {
         let optional = &input.optional;
-        let actions: [Box<dyn HostAction>; 7] = [
-            Box::new(KeepToCloud::new(optional.gate.clone())),
+        let actions: [Box<dyn HostAction>; 8] = [
+            Box::new(Confine::new(optional.part.clone())),
+            Box::new(KeepInside::new(optional)),
             Box::new(Propagate::new(gpu, input, &settings.geometry)?),
             Box::new(Prune),
             Box::new(SplitWide::new(input, settings)),

@@ -144,6 +144,10 @@ impl Engine {
         // The limit depends on the first model, so that a resumed training has the same limit.
         let first = input.initial.len() as u32;
         engine.most_splats = needs.most_splats(variants).map(|most| most.max(first).max(initial_splats));
+        let fixed = input.optional.part.as_ref().and_then(|part| part.exposures_of(&input.train));
+        if let Some((exposures, fixed)) = engine.exposures.as_mut().zip(fixed) {
+            exposures.fix(&fixed);
+        }
         engine.views.photographs.fill(gpu, &input.train, feed)?;
         let masks = engine.views.fill_masks(gpu, &input.train, settings, pacing)?;
         engine.terms.fill(gpu, input, settings, masks, pacing)?;

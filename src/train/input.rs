@@ -9,6 +9,7 @@ pub use dataset_fingerprint::TrainedOn;
 use std::sync::Arc;
 
 use super::cloud::ProximityIndex;
+use super::part::Part;
 use crate::dataset::{Colourless, Depth, Pixels, Supply, Undecoded, Warning};
 use crate::perceptual::LpipsWeights;
 use crate::scene::{Camera, Gaussians};
@@ -69,6 +70,8 @@ pub struct OptionalInput {
     pub left_out: Vec<Warning>,
     /// The photographs left out because their pixels cannot be decoded.
     pub undecoded: Undecoded,
+    /// The part of the scene that is trained; without one the whole scene is.
+    pub part: Option<Arc<Part>>,
     /// The views as stereo sees them, in the order of the views, if depths are propagated.
     pub scene: Option<Arc<Scene>>,
 }

@@ -16,6 +16,7 @@ mod learning {
 mod memory;
 mod message;
 mod pacing;
+mod part;
 mod photographs;
 pub mod prepare;
 pub mod schedule;
@@ -33,6 +34,7 @@ pub use learning::sigma::SigmaUpdate;
 pub use memory::{HostMemory, HostPlan, MemoryPlan, shares_memory};
 pub use message::Message;
 pub use pacing::{Pacing, Residency};
+pub use part::Part;
 pub use photographs::FeedCounts;
 pub use prepare::{CloudReport, StereoReport, compute_stereo_priors, longer_side, splats_on_surfaces, stereo_settings};
 pub use schedule::{Event, Kind, Schedule, StepPlan};

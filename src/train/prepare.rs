@@ -258,7 +258,10 @@ pub fn limit_growth(input: &Input, settings: &mut Settings) -> Option<u32> {
         return None;
     }
     let pixels: f64 = input.train.iter().map(|v| f64::from(v.camera.width) * f64::from(v.camera.height)).sum();
-    let most = (density.growth_room * input.initial.len() as f64).max(pixels / PIXELS_PER_SPLAT);
+    // A background does not grow.
+    let still = input.optional.part.as_ref().map_or(0, |part| part.background.len());
+    let growing = input.initial.len().saturating_sub(still);
+    let most = still as f64 + (density.growth_room * growing as f64).max(pixels / PIXELS_PER_SPLAT);
     let most = most.ceil().clamp(1.0, f64::from(u32::MAX)) as u32;
     density.max_splats = Some(most);
     Some(most)

@@ -232,8 +232,15 @@ fn a_run_that_goes_on_decides_nothing_of_exposures() {
         let prepared = |restart| {
             let mut told = 0;
             let (settings, dataset) = (&settings, &dataset);
-            let request =
-                SetupRequest { settings, dataset, weights: None, restart, keep_no_photographs: false, cache: None };
+            let request = SetupRequest {
+                settings,
+                dataset,
+                weights: None,
+                restart,
+                part: None,
+                keep_no_photographs: false,
+                cache: None,
+            };
             let mut tell = |event: SetupEvent<'_>| told += u32::from(matches!(event, SetupEvent::ExposuresDecided(_)));
             let setup = Setup::prepare(&gpu, request, &mut tell).expect("ready");
             (setup, told)

@@ -12,7 +12,7 @@ use psrgs_vk::numbers::percent;
 use psrgs_vk::train::settings::Split;
 use psrgs_vk::vk::Gpu;
 
-use super::{Args, warnings};
+use super::{Args, Beside, warnings};
 use crate::cli::console;
 use crate::cli::held_out::Compared;
 use crate::cli::model_file::ModelFile;
@@ -22,6 +22,7 @@ use crate::cli::outputs;
 /// A scored model.
 pub(super) struct Scored<'a> {
     pub(super) args: &'a Args,
+    pub(super) beside: &'a Beside,
     pub(super) model: &'a ModelFile,
     pub(super) dataset: &'a Dataset,
     pub(super) gpu: &'a Gpu,
@@ -67,6 +68,8 @@ struct Scores<'a> {
     exposures: Option<ExposureScores>,
     #[serde(flatten)]
     geometry: Geometry,
+    #[serde(flatten)]
+    more: &'a serde_json::Map<String, serde_json::Value>,
     images: &'a [ImageScore],
 }
 
@@ -89,6 +92,7 @@ impl Scored<'_> {
             settings: settings(self.args, self.model, &metrics),
             curves: Vec::new(),
             files: Vec::new(),
+            drawing: self.beside.drawing.clone(),
             notes: warnings(self.dataset).map(ToString::to_string).collect(),
             views: self.compared.panels,
             metrics,
@@ -124,6 +128,7 @@ impl Scored<'_> {
             psnr_high_frequency: mean_if_all(images.iter().map(|i| i.psnr_high_frequency)),
             exposures: self.compared.exposures,
             geometry: self.geometry,
+            more: &self.beside.values,
             images,
         }
     }

@@ -38,6 +38,7 @@ pub(super) fn data(
         files: files(saved.exposures, sigmas.is_some()),
         notes: run.dataset.warnings.iter().chain(run.left_out).map(ToString::to_string).chain(sigmas).collect(),
         views,
+        drawing: None,
         metrics,
         model,
     })

@@ -18,6 +18,7 @@ use psrgs_vk::train::settings::{LidarCloud, Method};
 use psrgs_vk::view::Address;
 
 use crate::cli::asked::Asked;
+use crate::cli::blocks::PartRun;
 use crate::cli::console::{self, Console};
 use crate::cli::exit::Failure;
 use crate::cli::interrupt::Interrupt;
@@ -102,10 +103,22 @@ pub(crate) struct RunPlan {
     pub(crate) preset: Option<String>,
     /// Where the training is shown.
     pub(crate) view: Option<Address>,
+    /// The part of a scene that is trained, for a plan of blocks.
+    pub(crate) part: Option<PartRun>,
     /// For tests: the step after which the device counts as lost.
     pub(crate) lose_device_at: Option<u32>,
     /// For tests: whether every step decodes its photographs again.
     pub(crate) keep_no_photographs: bool,
+}
+
+impl RunPlan {
+    /// The command that goes on with the run.
+    pub(crate) fn again(&self) -> String {
+        match &self.part {
+            Some(part) => part.again.clone(),
+            None => format!("psrgs-vk train --resume {}", self.out.display()),
+        }
+    }
 }
 
 /// The default method.
@@ -160,7 +173,8 @@ impl Args {
         let overwrite = self.overwrite;
         let resume = self.resume.is_some();
         let view = self.view.clone();
-        Ok(RunPlan { settings, out, resume, overwrite, preset, view, lose_device_at, keep_no_photographs })
+        let part = None;
+        Ok(RunPlan { settings, out, resume, overwrite, preset, view, part, lose_device_at, keep_no_photographs })
     }
 }
 

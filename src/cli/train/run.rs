@@ -39,6 +39,7 @@ pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, st
         dataset: &dataset,
         weights: lpips.weights(),
         restart,
+        part: plan.part.as_ref().map(|part| part.of(&dataset, &plan.settings)).transpose()?,
         keep_no_photographs: plan.keep_no_photographs,
         cache: cache.as_deref(),
     };
@@ -57,7 +58,13 @@ pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, st
         let interrupt = interrupt.clone();
         move || interrupt.asked()
     });
+    if let Some(part) = &plan.part {
+        part.forget(&folder)?;
+    }
     folder.begin(&settings)?;
+    if let Some(part) = &plan.part {
+        part.begin(&folder)?;
+    }
     trainer.keep_checkpoints(&folder.checkpoints());
     let mut page = match (&plan.view, scene) {
         (Some(address), Some(scene)) => Some(Watched::begin(address, scene, (&trainer, &gpu), console)?),
@@ -69,10 +76,9 @@ pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, st
             page.tell(State::Writing);
         }
         // The last checkpoint has the whole training, and files are written whole or not at all.
-        let resume = plan.out.display();
         interrupt.ends_at_once(format!(
-            "stopped before all results were written; the training is done and saved: psrgs-vk train --resume \
-             {resume} writes them"
+            "stopped before all results were written; the training is done and saved: {} writes them",
+            plan.again()
         ));
         interrupt.end_if_asked()?;
         if let Some(streaming) = trainer.streaming() {
@@ -83,6 +89,7 @@ pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, st
             folder: &folder,
             dataset: &dataset,
             gpu: &gpu,
+            whole: plan.part.is_none(),
             started,
             training_seconds,
             earlier_seconds,
@@ -91,6 +98,9 @@ pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, st
             undecoded: &undecoded,
         };
         outputs::write(&finished, &mut trainer, &mut lpips, console)?;
+        if let Some(part) = &plan.part {
+            part.publish(&folder)?;
+        }
         if let Some(page) = &mut page {
             page.stay(&mut trainer, &gpu, (interrupt, console));
         }
@@ -107,6 +117,9 @@ fn load(plan: &RunPlan, console: &Console) -> anyhow::Result<Dataset> {
         console.say(preset);
     }
     let options = prepare::load_options_of(settings);
+    if let Some(part) = &plan.part {
+        return Ok(Dataset::load_part(data, &options, &part.names)?);
+    }
     Dataset::load(data, &options).map_err(|error| match plan.resume {
         true => run_folder::with_dataset_hint(&plan.out, error.into()),
         false => error.into(),

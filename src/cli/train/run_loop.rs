@@ -59,9 +59,9 @@ pub(super) fn follow(
 fn stopped(trainer: &mut Trainer, plan: &RunPlan) -> anyhow::Result<Failure> {
     let (step, file) = trainer.save_checkpoint()?;
     Ok(Failure::Interrupted(format!(
-        "stopped after step {step}, saved {}; go on with: psrgs-vk train --resume {}",
+        "stopped after step {step}, saved {}; go on with: {}",
         file.display(),
-        plan.out.display()
+        plan.again()
     )))
 }
 

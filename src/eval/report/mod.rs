@@ -20,7 +20,7 @@ use image::RgbImage;
 use super::colormap::Colormap;
 use super::{ImageScore, Metrics};
 use crate::format::atomic;
-use crate::format::markup::{escape, fill};
+use crate::format::markup::{base64, escape, fill};
 use crate::numbers::{counted, fraction, grouped};
 use panel::{STORAGES, Storage};
 use scores::{numbers, scores, tiles, trained};
@@ -136,6 +136,8 @@ pub struct ReportData {
     pub views: Vec<ViewPanel>,
     /// Files of the run: path relative to the report, and what it is.
     pub files: Vec<(String, String)>,
+    /// A drawing in SVG that goes before the pictures, with its caption.
+    pub drawing: Option<(String, String)>,
     /// Remarks, one paragraph each.
     pub notes: Vec<String>,
     /// The model to look around in.
@@ -229,6 +231,7 @@ pub fn render_report(data: &ReportData) -> Result<String, ReportError> {
             ("script", include_str!("page.js")),
             ("tiles", &tiles(m)),
             ("notes", &notes),
+            ("drawing", &data.drawing.as_ref().map_or_else(String::new, drawing)),
             ("curves", &section("curves", "Training", "", "charts", &curves)),
             ("views", &section("views", "Held-out views", HINT, "views", &views)),
             ("numbers", &numbers(m)),
@@ -266,6 +269,14 @@ fn check(view: &ViewPanel) -> Result<(), ReportError> {
 
 const HINT: &str = "<p class=\"hint\">Drag over a large picture, or focus it and use the arrow keys, to uncover what \
     lies under the photograph. Each of the others can be chosen for that by its name.</p>";
+
+/// A drawing as a picture, so that nothing in it runs.
+fn drawing((svg, caption): &(String, String)) -> String {
+    let (data, caption) = (base64(svg.as_bytes()), escape(caption));
+    let style = "style=\"max-width:100%\"";
+    let picture = format!("<img {style} alt=\"{caption}\" src=\"data:image/svg+xml;base64,{data}\">");
+    format!("<figure id=\"drawing\">{picture}<figcaption>{caption}</figcaption></figure>")
+}
 
 fn section(id: &str, heading: &str, intro: &str, class: &str, body: &str) -> String {
     if body.is_empty() {

@@ -20,7 +20,7 @@ pub fn write_degree(file: &Path, model: &Model, sh_degree: u32) -> Result<(), Er
     }
     let rest = REST_BY_DEGREE[sh_degree.min(3) as usize];
     atomic::write(file, |out| {
-        out.write_all(header(model, rest).as_bytes())?;
+        out.write_all(header(model, gaussians.len() as u64, rest).as_bytes())?;
         (0..gaussians.len()).try_for_each(|i| vertex(out, gaussians, i, rest))
     })
 }
@@ -51,9 +51,10 @@ pub(super) fn properties(rest: usize) -> Vec<String> {
         .collect()
 }
 
-fn header(model: &Model, rest: usize) -> String {
+/// The header of a file with `count` splats.
+pub(super) fn header(model: &Model, count: u64, rest: usize) -> String {
     let mut out = String::from("ply\nformat binary_little_endian 1.0\n") + &comments(model, model.constrained);
-    out.push_str(&format!("element vertex {}\n", model.gaussians.len()));
+    out.push_str(&format!("element vertex {count}\n"));
     for name in properties(rest) {
         out.push_str(&format!("property float {name}\n"));
     }

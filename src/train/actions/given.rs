@@ -1,32 +1,44 @@
-//! What a training is given besides photographs and a first model: a cloud that growth keeps to, and splats where no
-//! photograph looks.
+//! What a training is given besides photographs and a first model: a cloud and a region that growth keeps to, and splats
+//! where no photograph looks.
 
 use std::sync::Arc;
 
 use super::{Change, HostAction};
 use crate::raster::MEANS;
-use crate::scene::Gaussians;
+use crate::scene::{Gaussians, Region};
 use crate::train::Error;
 use crate::train::cloud::ProximityIndex;
 use crate::train::engine::Engine;
+use crate::train::input::OptionalInput;
 use crate::train::message::Message;
 use crate::train::schedule::{Event, Kind, Schedule};
 
-/// Splats far from the cloud do not grow in a density change.
-pub(super) struct KeepToCloud {
+/// Splats far from the cloud, or outside of the region, do not grow in a density change.
+pub(super) struct KeepInside {
     gate: Option<Arc<ProximityIndex>>,
+    region: Option<Region>,
 }
 
-impl KeepToCloud {
-    /// Without a `gate` splats grow everywhere.
-    pub(super) fn new(gate: Option<Arc<ProximityIndex>>) -> Self {
-        Self { gate }
+impl KeepInside {
+    /// Without a cloud and a region splats grow everywhere.
+    pub(super) fn new(given: &OptionalInput) -> Self {
+        Self { gate: given.gate.clone(), region: given.part.as_ref().and_then(|part| part.region()) }
+    }
+
+    fn growing(&self, means: &[f32]) -> Vec<bool> {
+        let mut growing = match &self.gate {
+            Some(gate) => gate.near(means),
+            None => vec![true; means.len() / 3],
+        };
+        let [_, outside] = self.region.map(|region| region.divided(means)).unwrap_or_default();
+        outside.into_iter().for_each(|row| growing[row as usize] = false);
+        growing
     }
 }
 
-impl HostAction for KeepToCloud {
+impl HostAction for KeepInside {
     fn due(&self, _: &Schedule, event: Event) -> bool {
-        self.gate.is_some() && event.kind == Kind::Density
+        (self.gate.is_some() || self.region.is_some()) && event.kind == Kind::Density
     }
 
     /// The schedule makes up for missed steps before every density change.
@@ -35,9 +47,8 @@ impl HostAction for KeepToCloud {
     }
 
     fn run(&mut self, engine: &mut Engine, _: &Schedule, _: u32) -> Result<Option<Change>, Error> {
-        let Some(gate) = &self.gate else { return Ok(None) };
         let means = engine.rows(MEANS, engine.splats()?)?;
-        engine.limit_growth_to(&gate.near(&means))?;
+        engine.limit_growth_to(&self.growing(&means))?;
         Ok(None)
     }
 }

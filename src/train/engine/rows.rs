@@ -39,6 +39,14 @@ impl Engine {
         Ok(self.gpu.read_at(&self.model.buffers()[plane], 0, width as usize * splats as usize)?)
     }
 
+    /// Writes the first rows of a plane; `plane` is below [`SH_HIGHER`].
+    pub(in crate::train) fn set_rows(&self, plane: usize, rows: &[f32]) -> Result<(), Error> {
+        if rows.is_empty() {
+            return Ok(());
+        }
+        Ok(self.gpu.write(&self.model.buffers()[plane], rows)?)
+    }
+
     /// Sets the count of views to zero in the statistics of all splats but the `growing` ones, so that only these grow
     /// in the next density change. A second call changes nothing.
     pub(in crate::train) fn limit_growth_to(&self, growing: &[bool]) -> Result<(), Error> {

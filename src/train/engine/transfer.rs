@@ -26,15 +26,15 @@ impl Engine {
             }
             self.gpu.write(&self.ids, &rows_of(&initial.ids, 1, &order))?;
         }
+        if let Some(exposures) = &self.exposures {
+            exposures.begin(&self.gpu)?;
+        }
         let mut recorder = self.gpu.recorder("begin")?;
         self.optimiser.clear(&mut recorder)?;
         if self.has_plain_splats() {
             self.model.clear_upper(&mut recorder)?;
         }
         self.statistics.clear(&mut recorder)?;
-        if let Some(exposures) = &self.exposures {
-            exposures.clear(&mut recorder)?;
-        }
         let mut words = vec![0u32; counters::COUNT];
         words[counters::SPLATS] = n;
         words[counters::PLAIN] = if self.has_plain_splats() { u32::MAX } else { 0 };

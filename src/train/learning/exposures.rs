@@ -30,6 +30,8 @@ pub(in crate::train) struct Exposures {
     apply: Pipeline,
     backward: Pipeline,
     step: Pipeline,
+    /// The state of exposures that stay as they are.
+    fixed: Option<Vec<f32>>,
     settings: adam::AdamSettings,
 }
 
@@ -45,13 +47,28 @@ impl Exposures {
             apply: gpu.pipeline(&exposure::APPLY.kernel, &[])?,
             backward: gpu.pipeline(&exposure::BACKWARD.kernel, &[])?,
             step: gpu.pipeline(&exposure::STEP.kernel, &[])?,
+            fixed: None,
             settings: adam::AdamSettings::default(),
         })
     }
 
-    /// Records setting every matrix to the identity, and the moments to zero.
-    pub(in crate::train) fn clear(&self, recorder: &mut Recorder) -> Result<(), vk::Error> {
-        recorder.fill(&self.rows, 0)
+    /// Gives every photograph a matrix, which stays. Call this before [`Self::begin`].
+    pub(in crate::train) fn fix(&mut self, matrices: &[ExposureMatrix]) {
+        let mut state = vec![0.0; exposure::floats(self.views as usize)];
+        for (row, matrix) in state.chunks_exact_mut(ROW).zip(matrices) {
+            for (k, (to, value)) in row.iter_mut().zip(matrix.iter().flatten()).enumerate() {
+                *to = (value - identity(k / 4, k % 4)) as f32;
+            }
+        }
+        self.fixed = Some(state);
+    }
+
+    /// Sets every matrix to what it was fixed to, else to the identity, and the moments to zero.
+    pub(in crate::train) fn begin(&self, gpu: &Gpu) -> Result<(), vk::Error> {
+        match &self.fixed {
+            Some(state) => gpu.write(&self.rows, state),
+            None => gpu.write(&self.rows, &vec![0.0_f32; exposure::floats(self.views as usize)]),
+        }
     }
 
     fn push(&self, turn: ExposureStep) -> exposure::Push {
@@ -87,7 +104,7 @@ impl Exposures {
     ) -> Result<(), vk::Error> {
         let buffers = [image, &self.rows, grad_image, &self.parts];
         recorder.dispatch(&self.backward, &buffers, &self.push(turn), Self::groups(turn))?;
-        let Some(once) = once else { return Ok(()) };
+        let Some(once) = once.filter(|_| self.fixed.is_none()) else { return Ok(()) };
         let (view, views) = (turn.view as u32, self.views);
         let counts = [turn.known.min(views), turn.seen];
         let push = exposure::StepPush::new(&self.settings, turn.pixels, [view, views], counts, turn.rate);
@@ -114,6 +131,10 @@ impl Exposures {
     }
 }
 
+fn identity(row: usize, column: usize) -> f64 {
+    if row == column { 1.0 } else { 0.0 }
+}
+
 /// The photographs' matrices from a state of [`Exposures::state`].
 pub(in crate::train) fn matrices(state: &[f32]) -> Vec<ExposureMatrix> {
     let views = (state.len() / ROW).saturating_sub(1);
@@ -121,8 +142,7 @@ pub(in crate::train) fn matrices(state: &[f32]) -> Vec<ExposureMatrix> {
         std::array::from_fn(|row| {
             std::array::from_fn(|column| {
                 let k = 4 * row + column;
-                let identity = if row == column { 1.0 } else { 0.0 };
-                identity + f64::from(state[ROW * v + k]) - f64::from(state[ROW * views + k])
+                identity(row, column) + f64::from(state[ROW * v + k]) - f64::from(state[ROW * views + k])
             })
         })
     };

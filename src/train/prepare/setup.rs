@@ -15,7 +15,7 @@ use crate::scene::Gaussians;
 use crate::train::memory::{HostMemory, HostPlan};
 use crate::train::settings::StepsByNeed;
 use crate::train::tune::{self, Tuned};
-use crate::train::{Error, Input, MemoryPlan, Pacing, Restart, Settings, chosen_variants};
+use crate::train::{Error, Input, MemoryPlan, Pacing, Part, Restart, Settings, chosen_variants};
 use crate::vk::Gpu;
 
 /// A stage of the preparation of a training.
@@ -66,6 +66,8 @@ pub struct SetupRequest<'a> {
     pub weights: Option<Arc<LpipsWeights>>,
     /// The state of the interrupted run, if one is resumed.
     pub restart: Option<Restart>,
+    /// The part of the scene to train; `None` is the whole scene.
+    pub part: Option<Part>,
     /// Whether photographs are read again in each step even if memory could keep them.
     pub keep_no_photographs: bool,
     /// Folder in which timings of variants are kept between runs.
@@ -96,6 +98,7 @@ impl Setup {
         setup.choose_steps(gpu, tell);
         setup.take_weights(weights, tell);
         setup.look_for_depths(gpu, dataset, tell)?;
+        setup.add_background();
         match &setup.restart {
             // A resumed run has decided already.
             Some(restart) => setup.settings.optimiser.exposure = restart.exposure(setup.settings.optimiser.exposure),
@@ -113,7 +116,7 @@ impl Setup {
         request: SetupRequest<'_>,
         tell: &mut dyn FnMut(SetupEvent<'_>),
     ) -> Result<Self, Error> {
-        let SetupRequest { settings, dataset, restart, keep_no_photographs, .. } = request;
+        let SetupRequest { settings, dataset, restart, part, keep_no_photographs, .. } = request;
         let FirstModel { splats: initial, uncoloured, left_out } = match &restart {
             // The checkpoint has the splats, and the file of the first model may be gone.
             Some(_) if settings.run.init.is_some() => {
@@ -137,6 +140,10 @@ impl Setup {
         }
         if let (Some(points), None) = (uncoloured, &restart) {
             points.take_colours(dataset, &mut input)?;
+        }
+        if let Some(part) = part {
+            input.initial = part.inside(&input.initial);
+            input.optional.part = Some(Arc::new(part));
         }
         if input.train.is_empty() && dataset.views_of(Role::Train).next().is_some() {
             return Err(Error::AllMasked { dataset: dataset.path.clone(), role: Role::Train });
@@ -182,6 +189,13 @@ impl Setup {
         self.stereo_seconds = if matches || self.depths.views > 0 { begin.elapsed().as_secs_f64() } else { 0.0 };
         tell(SetupEvent::Depths { found: &self.depths, settings: &self.settings, photographs });
         Ok(())
+    }
+
+    /// Adds the background of a part to the first splats.
+    fn add_background(&mut self) {
+        if let (Some(part), None) = (&self.input.optional.part, &self.restart) {
+            self.input.initial = part.with_background(&self.input.initial);
+        }
     }
 
     /// Decides what the settings leave to the photographs: whether exposures are learned, and how many splats may grow.

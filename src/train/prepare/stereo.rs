@@ -95,19 +95,21 @@ pub fn compute_stereo_priors(
         false => None,
     };
     if let Some(stereo) = matched.as_ref().filter(|_| made || starts) {
-        let fused = stereo.fused(settings, &wanted);
+        let (fused, here) = of_part(stereo.fused(settings, &wanted), input);
         if starts {
-            let chosen = chosen_on_surfaces(gpu, input, training, stereo, &fused)?;
+            let chosen = chosen_on_surfaces(gpu, input, training, stereo, (&fused, here))?;
             let shapes = match settings.stereo_axes > 0.0 {
                 true => shapes(&stereo.scene.views, &chosen)?,
                 false => Vec::new(),
             };
             let agrees =
                 |at: [f64; 3]| !contradicted(at, stereo.scene.views.iter().map(|v| &v.camera).zip(&stereo.priors));
-            let agreeing: Vec<bool> =
-                dataset.usable_points().iter().map(|p| agrees(dataset.frame.to_scene(p.position))).collect();
+            let places = || dataset.usable_points().iter().map(|p| dataset.frame.to_scene(p.position));
+            let agreeing: Vec<bool> = places().map(|at| is_of_part(input, at) && agrees(at)).collect();
+            let elsewhere = places().filter(|at| !is_of_part(input, *at)).count();
             report.splats = begin_on(&chosen, &shapes, &agreeing, training, dataset, input)?;
-            report.contradicted = agreeing.iter().filter(|agrees| report.splats > 0 && !**agrees).count();
+            let left_out = agreeing.iter().filter(|agrees| report.splats > 0 && !**agrees).count();
+            report.contradicted = left_out.saturating_sub(elsewhere);
         }
         if made {
             cloud = Some(fused.iter().map(|p| p.position).collect());
@@ -142,15 +144,28 @@ pub fn compute_stereo_priors(
     Ok(report)
 }
 
-/// The points of stereo's surfaces at which splats begin.
+/// The points on surfaces inside of the part that is trained, and their share of all.
+fn of_part(mut fused: Vec<FusedPoint>, input: &Input) -> (Vec<FusedPoint>, f64) {
+    let all = fused.len().max(1) as f64;
+    fused.retain(|point| is_of_part(input, point.position));
+    let share = fused.len() as f64 / all;
+    (fused, share)
+}
+
+fn is_of_part(input: &Input, place: [f64; 3]) -> bool {
+    input.optional.part.as_ref().is_none_or(|part| part.has(place))
+}
+
+/// The points of stereo's surfaces at which splats begin. `here` is their share of all surfaces.
 fn chosen_on_surfaces<'a>(
     gpu: &Gpu,
     input: &Input,
     training: &Settings,
     matched: &MatchedViews,
-    fused: &'a [FusedPoint],
+    (fused, here): (&'a [FusedPoint], f64),
 ) -> Result<Vec<Chosen<'a>>, Error> {
-    let points = input.initial.len() as u32;
+    let background = input.optional.part.as_ref().map_or(0, |part| part.background.len());
+    let points = (input.initial.len() + background) as u32;
     let variants = chosen_variants(gpu, training)?;
     let fit = MemoryPlan::new(gpu, input, training, variants, Pacing::default(), points)?.most_splats.0;
     let MatchedViews { scene, priors } = matched;
@@ -159,8 +174,9 @@ fn chosen_on_surfaces<'a>(
     let densities = Densities::by_frequency(scene, training, gate, sigma)?;
     // Views see the same surface several times, and not all of their pixels become one point.
     let pixels = scene.views.iter().map(|view| view.pixels() as f64).sum::<f64>() / scene.views.len().max(1) as f64;
-    let surface = stereo::surface(&scene.views, priors) * pixels;
-    let asked = surface * densities.mean(fused) * finer(longer_side(sizes(input)), training.run.iterations);
+    let surface = stereo::surface(&scene.views, priors) * pixels * here;
+    let steps = input.optional.part.as_ref().and_then(|part| part.whole_steps).unwrap_or(training.run.iterations);
+    let asked = surface * densities.mean(fused) * finer(longer_side(sizes(input)), steps);
     let count = splats_on_surfaces(points, asked, fit, training) as usize;
     let spacing = match training.geometry.stereo_spacing {
         Spacing::Frequency if (training.frequencies.gate, training.frequencies.sigma) == (gate, sigma) => densities,

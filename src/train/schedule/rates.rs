@@ -87,10 +87,38 @@ impl RateSchedule {
     }
 }
 
+impl Settings {
+    /// Gives a run that looks at some of the photographs the learning rates of a run of `steps` steps that looks at all
+    /// of them as often: a splat takes as many steps in both, while both have a scaled schedule.
+    pub fn keep_rates_of(&mut self, steps: u32) {
+        let (own, whole) = (fewer(self), fewer_by(self.run.scale_schedule, steps));
+        let optimiser = &mut self.optimiser;
+        let gain = (whole / own).powf(optimiser.lr_scaling);
+        for rate in [
+            &mut optimiser.lr_means,
+            &mut optimiser.lr_means_final,
+            &mut optimiser.lr_rotations,
+            &mut optimiser.lr_scales,
+            &mut optimiser.lr_opacities,
+            &mut optimiser.lr_sh_base,
+        ] {
+            *rate *= gain;
+        }
+        optimiser.lr_sh_rest *= (whole / own).powf(optimiser.lr_scaling_sh);
+        if own > 1.0 {
+            optimiser.lr_decay *= whole.ln() / own.ln();
+        }
+    }
+}
+
 /// The published number of steps over the number of the run, at least 1; 1 if the schedule is not scaled.
 fn fewer(settings: &Settings) -> f64 {
-    match settings.run.scale_schedule {
-        true => (REFERENCE_ITERATIONS / f64::from(settings.run.iterations.max(SHORTEST_TRIED))).max(1.0),
+    fewer_by(settings.run.scale_schedule, settings.run.iterations)
+}
+
+fn fewer_by(scaled: bool, steps: u32) -> f64 {
+    match scaled {
+        true => (REFERENCE_ITERATIONS / f64::from(steps.max(SHORTEST_TRIED))).max(1.0),
         false => 1.0,
     }
 }
@@ -99,4 +127,28 @@ fn fewer(settings: &Settings) -> f64 {
 pub(super) fn log_linear([first, last]: [f64; 2], t: u32, steps: u32) -> f64 {
     let u = (f64::from(t) / f64::from(steps)).min(1.0);
     ((1.0 - u) * first.ln() + u * last.ln()).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_has_the_learning_rates_of_the_whole() {
+        for (steps, of, scaled) in [(900, 4000, true), (4000, 40_000, true), (300, 600, true), (900, 4000, false)] {
+            let mut settings = Settings::default();
+            settings.run.scale_schedule = scaled;
+            settings.run.iterations = of;
+            let whole = RateSchedule::new(&settings, of);
+            settings.run.iterations = steps;
+            settings.keep_rates_of(of);
+            let part = RateSchedule::new(&settings, steps);
+            for (now, then) in [(0, 0), (steps / 2, of / 2), (steps, of)] {
+                let (a, b) = (part.at(now), whole.at(then));
+                let pairs =
+                    [(a.means, b.means), (a.opacities, b.opacities), (a.sh_rest, b.sh_rest), (a.scales, b.scales)];
+                assert!(pairs.iter().all(|(a, b)| (a / b - 1.0).abs() < 1e-9), "{steps} of {of}: {a:?} and {b:?}");
+            }
+        }
+    }
 }
