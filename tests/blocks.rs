@@ -4,6 +4,8 @@ mod colmap_folder;
 mod common;
 
 use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::Command;
 
 use colmap_folder::{CameraRow, Folder, ImageRow, PINHOLE, PointRow};
 use psrgs_vk::blocks::{self, Count, Error, Limit, PlanFile, PlanRequest, Planned};
@@ -249,4 +251,43 @@ fn a_cell_that_few_photographs_see_gets_them_all_the_same() {
     let plan = planned(&gpu, &flight(&centers, &ground(600, [40.0, 30.0])), 9).file;
     assert_eq!(plan.blocks.len(), 9);
     assert!(plan.blocks.iter().all(|block| block.photographs.len() >= 4), "{plan:?}");
+}
+
+/// Runs `blocks plan`: exit code and what it says.
+fn command(data: &Path, out: &Path, more: &[&str]) -> (Option<i32>, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_psrgs-vk"));
+    command.args(["blocks", "plan"]).arg(data).arg("--out").arg(out).args(["--iterations", "100"]).args(more);
+    let output = command.output().expect("started");
+    let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+    (output.status.code(), text)
+}
+
+#[test]
+fn the_command_writes_a_plan_once_and_names_its_blocks() {
+    if common::gpu().is_none() {
+        return;
+    }
+    let sides = [30.0, 20.0];
+    let data = flight(&rows(sides, 5.0), &ground(300, sides)).dataset(false);
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("plan");
+    let (code, text) = command(data.path(), &out, &["--blocks", "2", "--margin", "0.2", "--set", "sample-rate=0.3"]);
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.contains("b00 ") && text.contains("b01 ") && text.contains("share of work"), "{text}");
+    let plan = PlanFile::read(&out.join("blocks.json")).expect("a plan");
+    let settings = plan.settings().expect("settings");
+    assert_eq!((settings.run.iterations, settings.density.sample_rate), (100, 0.3));
+    assert!(settings.data.is_some_and(|data| data.is_absolute()));
+    assert!(std::fs::read_to_string(out.join("plan.svg")).expect("a drawing").contains("b01"));
+    let (code, text) = command(data.path(), &out, &["--blocks", "3"]);
+    assert!(code == Some(2) && text.contains("--overwrite"), "{code:?} {text}");
+    let (code, text) = command(data.path(), &out, &["--blocks", "3", "--overwrite"]);
+    assert_eq!((code, PlanFile::read(&out.join("blocks.json")).expect("a plan").blocks.len()), (Some(0), 3), "{text}");
+    // A file of somebody else stays.
+    std::fs::write(out.join("blocks.json"), "{\"blocks\": 7}").expect("written");
+    let (code, text) = command(data.path(), &out, &["--blocks", "3", "--overwrite"]);
+    assert!(code == Some(2) && text.contains("blocks.json"), "{code:?} {text}");
+    let (code, text) = command(data.path(), &folder.path().join("other"), &[]);
+    assert!(code == Some(2) && text.contains("how many blocks"), "{code:?} {text}");
+    assert!(!folder.path().join("other").exists(), "a folder was left behind");
 }

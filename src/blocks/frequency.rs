@@ -9,6 +9,9 @@ use crate::train::settings::Frequencies;
 /// Most photographs that are decoded for a plan. Of more, evenly chosen ones speak for all.
 const DECODED: usize = 2048;
 
+/// Splats at the height of a training for each of the first ones, where splats grow.
+const GROWTH: f64 = 2.5;
+
 /// A place in a photograph.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
@@ -16,7 +19,7 @@ pub(super) struct Place {
     pub(super) view: u32,
     /// Pixels at the size of training.
     pub(super) at: [f64; 2],
-    /// Pixels around it.
+    /// Pixels of the piece of surface around it.
     pub(super) pixels: f64,
 }
 
@@ -48,7 +51,7 @@ impl<'a> Frequency<'a> {
         let costs: Vec<u64> = chosen.iter().map(|of| viewed(of).map_or(0, View::decoding_bytes)).collect();
         let found = self.share.in_turns(&costs, |turn| {
             let of = chosen[turn];
-            let at = of.iter().filter_map(|at| places[*at].map(|place| place.at));
+            let at = of.iter().filter_map(|at| places[*at]);
             viewed(of).map_or(Ok(None), |view| self.densities(view, at))
         });
         let mut densities: Vec<Option<f64>> = vec![None; places.len()];
@@ -65,8 +68,10 @@ impl<'a> Frequency<'a> {
         Ok(places.iter().zip(densities).map(splats).collect())
     }
 
-    /// Splats that a pixel takes at places of a photograph; `None` if it cannot be decoded, which training will tell.
-    fn densities(&self, view: &View, at: impl Iterator<Item = [f64; 2]>) -> Result<Option<Vec<f64>>, super::Error> {
+    /// Splats that a pixel takes in the mean around places of a photograph: reconstructed points lie where texture is
+    /// finest, and the surface that they stand for is plainer. `None` if the photograph cannot be decoded, which
+    /// training will tell.
+    fn densities(&self, view: &View, at: impl Iterator<Item = Place>) -> Result<Option<Vec<f64>>, super::Error> {
         let Ok(photograph) = view.photograph() else { return Ok(None) };
         let (width, height) = (view.camera.width, view.camera.height);
         let geometry = &self.settings.geometry;
@@ -78,12 +83,59 @@ impl<'a> Frequency<'a> {
             saliency::spacing_by_mask(&luma, &seen.mask, [geometry.stereo_error_low, geometry.stereo_error_high])?;
         let shrunk = [f64::from(luma.width()) / f64::from(width), f64::from(luma.height()) / f64::from(height)];
         let times = shrunk[0] * shrunk[1] * finer(longer_side([(width, height)]), self.settings.run.iterations);
-        let of = |[u, v]: [f64; 2]| {
-            let along = |at: f64, by: f64, side: u32| ((at * by) as u32).min(side.saturating_sub(1)) as usize;
-            let (x, y) = (along(u, shrunk[0], luma.width()), along(v, shrunk[1], luma.height()));
-            let spacing = spacing.values().get(y * luma.width() as usize + x).map_or(1.0, |s| f64::from(*s));
-            times / (spacing * spacing)
+        let around = Means::new(&luma, spacing.values().iter().map(|s| 1.0 / f64::from(*s).powi(2)));
+        let of = |place: Place| {
+            let [u, v] = [place.at[0] * shrunk[0], place.at[1] * shrunk[1]];
+            times * around.mean([u, v], 0.5 * (place.pixels * shrunk[0] * shrunk[1]).sqrt())
         };
         Ok(Some(at.map(of).collect()))
+    }
+}
+
+/// Means of a plane over rectangles, by sums from the first pixel on.
+struct Means {
+    width: usize,
+    height: usize,
+    sums: Vec<f64>,
+}
+
+impl Means {
+    fn new(plane: &Plane, values: impl Iterator<Item = f64>) -> Self {
+        let (width, height) = (plane.width() as usize, plane.height() as usize);
+        let mut sums = vec![0.0; (width + 1) * (height + 1)];
+        for (pixel, value) in values.enumerate().take(width * height) {
+            let (x, y) = (pixel % width + 1, pixel / width + 1);
+            let at = |x: usize, y: usize| y * (width + 1) + x;
+            sums[at(x, y)] = value + sums[at(x - 1, y)] + sums[at(x, y - 1)] - sums[at(x - 1, y - 1)];
+        }
+        Self { width, height, sums }
+    }
+
+    /// The mean over a square with its middle at a place, cut to the plane; one pixel at least.
+    fn mean(&self, [u, v]: [f64; 2], half: f64) -> f64 {
+        let ends = |at: f64, side: usize| {
+            let first = ((at - half).max(0.0) as usize).min(side.saturating_sub(1));
+            (first, ((at + half).ceil().max(0.0) as usize).clamp(first + 1, side.max(first + 1)))
+        };
+        let ((x0, x1), (y0, y1)) = (ends(u, self.width), ends(v, self.height));
+        let sum = |x: usize, y: usize| self.sums.get(y * (self.width + 1) + x).copied().unwrap_or(0.0);
+        let pixels = ((x1 - x0) * (y1 - y0)) as f64;
+        (sum(x1, y1) - sum(x0, y1) - sum(x1, y0) + sum(x0, y0)) / pixels
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_are_those_of_the_pixels_in_a_square() {
+        let plane = Plane::new(5, 4, (0..20_u8).map(f32::from).collect()).expect("a plane");
+        let means = Means::new(&plane, plane.values().iter().map(|v| f64::from(*v)));
+        assert_eq!(means.mean([2.5, 1.5], 0.4), 7.0, "one pixel");
+        assert_eq!(means.mean([1.0, 1.0], 1.0), 3.0, "four pixels");
+        assert_eq!(means.mean([2.0, 2.0], 99.0), 9.5, "all");
+        assert_eq!(means.mean([4.9, 3.9], 0.0), 19.0);
+        assert_eq!(means.mean([-3.0, 9.0], 0.0), 15.0, "outside: the nearest pixel");
     }
 }

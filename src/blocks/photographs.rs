@@ -7,11 +7,11 @@ use super::surface::Surface;
 
 /// A photograph is of a block if it sees the block with at least this share of the largest share that any photograph
 /// does: blocks much larger than photographs take those of their inside, and small blocks those that look at them.
-const SHARE: f64 = 0.3;
-/// Photographs that see each piece of a block, at least, as far as there are any.
-const VIEWS_OF_PIECE: usize = 4;
-/// Share of the pieces of a block that may be seen by fewer.
-const UNSEEN: f64 = 0.02;
+const SHARE: f64 = 0.35;
+/// Photographs that see each piece of a cell, at least, as far as there are any: two tell a depth.
+const VIEWS_OF_PIECE: usize = 2;
+/// Share of the pieces of a cell that may be seen by fewer.
+const UNSEEN: f64 = 0.03;
 
 /// A block before its photographs are chosen.
 #[derive(Clone, Copy, Debug)]

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::plan::work;
 use super::{Block, Planned};
 use crate::byte_size::readable;
 use crate::format::markup::escape;
@@ -14,7 +15,7 @@ const HEIGHT: f64 = 640.0;
 /// Room around the map.
 const EDGE: f64 = 20.0;
 /// Height of the title, and of a line of the table.
-const TITLE: f64 = 52.0;
+const TITLE: f64 = 72.0;
 const LINE: f64 = 20.0;
 /// Most points, and most lines of the table.
 const POINTS: usize = 4000;
@@ -142,8 +143,9 @@ fn title(planned: &Planned) -> String {
     let file = &planned.file;
     let photographs = file.global.photographs.len();
     format!(
-        "<text class=\"title\" x=\"{EDGE}\" y=\"24\">{} of {}</text><text class=\"soft\" x=\"{EDGE}\" y=\"43\">{} to train \
-         on, about {} splats; a dashed line is the margin of a block, a dot is a camera in the colour of its block</text>",
+        "<text class=\"title\" x=\"{EDGE}\" y=\"24\">{} of {}</text><text class=\"soft\" x=\"{EDGE}\" y=\"44\">{} to train \
+         on, about {} splats</text><text class=\"soft\" x=\"{EDGE}\" y=\"61\">dashed: how far a block is trained beyond \
+         its cell; dots: cameras, in the colour of the block that sees most of their photograph</text>",
         counted(file.blocks.len(), "block"),
         escape(&name(planned)),
         counted(photographs, "photograph"),
@@ -251,13 +253,6 @@ fn scale_bar(sheet: &Sheet) -> String {
     )
 }
 
-/// The share that each block has of the work: splats times steps.
-pub(super) fn work(blocks: &[Block]) -> Vec<f64> {
-    let of = |block: &Block| block.predicted_splats.max(1) as f64 * f64::from(block.steps);
-    let sum: f64 = blocks.iter().map(of).sum();
-    blocks.iter().map(|block| of(block) / sum).collect()
-}
-
 fn table(planned: &Planned, top: f64, lines: usize) -> String {
     let ends = [190.0, 300.0, 430.0, 560.0, 680.0, WIDTH - EDGE];
     let heads = ["photographs", "steps", "splats", "memory", "time", "share of work"];
@@ -266,7 +261,7 @@ fn table(planned: &Planned, top: f64, lines: usize) -> String {
         let _ = write!(svg, "<text class=\"head number\" x=\"{x}\" y=\"{:.1}\">{head}</text>", top + 14.0);
     }
     let blocks = &planned.file.blocks;
-    let work = work(blocks);
+    let work = shares(blocks);
     for (k, (block, work)) in blocks.iter().zip(work).enumerate().take(lines) {
         let y = top + LINE * (k + 1) as f64;
         let _ = write!(
@@ -297,6 +292,12 @@ fn table(planned: &Planned, top: f64, lines: usize) -> String {
         let _ = write!(svg, "<text class=\"soft\" x=\"{EDGE}\" y=\"{y:.1}\">and {} more</text>", blocks.len() - lines);
     }
     svg
+}
+
+/// The share that each block has of the work.
+pub(super) fn shares(blocks: &[Block]) -> Vec<f64> {
+    let of = |block: &Block| (block.steps as usize, block.predicted_splats as f64);
+    work(&blocks.iter().map(of).collect::<Vec<_>>())
 }
 
 /// A time in words.

@@ -17,6 +17,9 @@ use crate::vk::Gpu;
 
 /// Most blocks that are tried where a limit decides how many there are.
 const MOST_BLOCKS: usize = 4096;
+/// Rounds in which cells are made fit for blocks that take equally long, and the exponent of a step towards that.
+const ROUNDS: usize = 4;
+const STEP: f64 = 0.7;
 /// Splats of the coarse model of everything, as a share of those of the whole, and the fewest of them.
 const COARSE_SPLATS: (f64, u64) = (1.0 / 64.0, 256);
 /// Photographs of the coarse model are this much smaller, but no smaller than so many pixels.
@@ -127,8 +130,7 @@ pub fn plan(gpu: &Gpu, request: &PlanRequest<'_>) -> Result<Planned, Error> {
     Ok(Planned { file, points, cameras, splats: total, blind })
 }
 
-/// Seconds of a step of a part, by those of the part with the median of splats. Half of a step's time goes by pixels,
-/// which are equal for all, and half by splats. `None` where the device does not tell times, or has no room.
+/// Seconds of a step of a part, by those of the part with the median of splats, as in [`work`]. `None` where the device does not tell times, or has no room.
 fn timed(
     gpu: &Gpu,
     request: &PlanRequest<'_>,
@@ -147,6 +149,7 @@ fn timed(
 }
 
 /// A part of the ground with what its training takes.
+#[derive(Clone)]
 struct Measured {
     part: Part,
     photographs: Vec<Chosen>,
@@ -165,7 +168,7 @@ struct Cut<'a> {
 impl Cut<'_> {
     fn within(&self, count: Count, total: f64) -> Result<Vec<Measured>, Error> {
         let wanted = match count {
-            Count::Blocks(count) => return self.into_parts(count),
+            Count::Blocks(count) => return self.into_parts(count, ROUNDS),
             Count::Within(limit) => limit,
         };
         let (most, takes): (u64, fn(&Measured) -> u64) = match wanted {
@@ -179,7 +182,8 @@ impl Cut<'_> {
         };
         let mut tried = fewest;
         loop {
-            let parts = self.into_parts(tried)?;
+            // Blocks of equal splats are the smallest.
+            let parts = self.into_parts(tried, 0)?;
             let largest = parts.iter().map(takes).max().unwrap_or(0);
             if largest <= most {
                 return Ok(parts);
@@ -196,21 +200,61 @@ impl Cut<'_> {
         }
     }
 
-    fn into_parts(&self, count: usize) -> Result<Vec<Measured>, Error> {
+    /// Cells of equal splats are cut first. Blocks in the middle have more margin and photographs than those at the
+    /// edge; their cells become smaller in a few further rounds, until the blocks take about equally long.
+    fn into_parts(&self, count: usize, rounds: usize) -> Result<Vec<Measured>, Error> {
         let pieces = &self.surface.pieces;
-        let points: Vec<Weighted> =
+        let mut points: Vec<Weighted> =
             pieces.iter().map(|piece| Weighted { place: piece.place, work: piece.splats }).collect();
-        let part = |cell: Cell| Part { cell, margin: self.margin * side(cell, &points) };
-        let parts: Vec<Part> = partition(&points, count).into_iter().map(part).collect();
+        let mut best = self.cut(&points, count);
+        let mut last = best.clone();
+        for _ in 0..rounds {
+            let works = work(&last.iter().map(|part| (part.photographs.len(), part.splats)).collect::<Vec<_>>());
+            for point in &mut points {
+                let cell = last.iter().position(|part| part.part.cell.contains(point.place));
+                let times = cell.and_then(|cell| works.get(cell)).map_or(1.0, |share| share * works.len() as f64);
+                point.work *= times.max(0.1).powf(STEP);
+            }
+            last = self.cut(&points, count);
+            if last.len() == best.len() && largest_work(&last) < largest_work(&best) {
+                best.clone_from(&last);
+            }
+        }
+        for part in &mut best {
+            part.memory = self.memory.of(&part.photographs, part.splats)?;
+        }
+        Ok(best)
+    }
+
+    /// The parts of a cut by the work of points, without their memory.
+    fn cut(&self, points: &[Weighted], count: usize) -> Vec<Measured> {
+        let part = |cell: Cell| Part { cell, margin: self.margin * side(cell, points) };
+        let parts: Vec<Part> = partition(points, count).into_iter().map(part).collect();
         let photographs = choose(self.surface, &parts, self.views);
         let measured = |(part, photographs): (Part, Vec<Chosen>)| {
-            let splats =
-                pieces.iter().filter(|p| part.cell.holds(p.place, part.margin)).map(|piece| piece.splats).sum();
-            let memory = self.memory.of(&photographs, splats)?;
-            Ok(Measured { part, photographs, splats, memory })
+            let inside = self.surface.pieces.iter().filter(|piece| part.cell.holds(piece.place, part.margin));
+            Measured { part, photographs, splats: inside.map(|piece| piece.splats).sum(), memory: 0 }
         };
         parts.into_iter().zip(photographs).map(measured).collect()
     }
+}
+
+/// The largest share of the work that a part has.
+fn largest_work(parts: &[Measured]) -> f64 {
+    let of: Vec<(usize, f64)> = parts.iter().map(|part| (part.photographs.len(), part.splats)).collect();
+    work(&of).into_iter().fold(0.0, f64::max)
+}
+
+/// The share of each block of the time of all, by its looks (photographs or steps) and splats. A half of a step's time
+/// goes by pixels, which are equal for all, and a half by splats.
+pub(super) fn work(blocks: &[(usize, f64)]) -> Vec<f64> {
+    let mean = blocks.iter().map(|(_, splats)| splats).sum::<f64>() / blocks.len().max(1) as f64;
+    let of = |(looks, splats): &(usize, f64)| {
+        let splats = if mean > 0.0 { splats / mean } else { 1.0 };
+        (*looks).max(1) as f64 * (0.5 + 0.5 * splats)
+    };
+    let sum: f64 = blocks.iter().map(of).sum();
+    blocks.iter().map(|block| of(block) / sum).collect()
 }
 
 /// Side of a square as large as what lies in a cell, or half the length of a line.

@@ -1,6 +1,6 @@
 //! A plan as a table in text.
 
-use super::picture::{minutes, work};
+use super::picture::{minutes, shares};
 use super::{Cell, PlanFile};
 use crate::byte_size::readable;
 use crate::numbers::{fraction, grouped, percent};
@@ -9,7 +9,7 @@ use crate::numbers::{fraction, grouped, percent};
 pub fn table(plan: &PlanFile) -> String {
     let heads = ["block", "cell", "photographs", "steps", "splats", "memory", "time", "share of work"];
     let mut rows = vec![heads.map(str::to_owned)];
-    for (block, work) in plan.blocks.iter().zip(work(&plan.blocks)) {
+    for (block, work) in plan.blocks.iter().zip(shares(&plan.blocks)) {
         rows.push([
             block.id.clone(),
             edges(&block.cell),

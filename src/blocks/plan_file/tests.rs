@@ -145,8 +145,8 @@ fn numbers_that_cannot_be_are_refused() {
     let changes: [(Change, &str); 16] = [
         (|plan| plan["blocks"][0]["margin"] = json!(-0.1), "margin"),
         (|plan| plan["blocks"][0]["steps"] = json!(0), "steps"),
-        (|plan| plan["blocks"][0]["steps"] = json!(1.5), "integer"),
-        (|plan| plan["blocks"][0]["predicted_splats"] = json!(-1), "integer"),
+        (|plan| plan["blocks"][0]["steps"] = json!(1.5), "expected u32"),
+        (|plan| plan["blocks"][0]["predicted_splats"] = json!(-1), "expected u64"),
         (|plan| plan["blocks"][0]["predicted_seconds"] = json!(-1.0), "predicted_seconds"),
         (|plan| plan["blocks"][1]["photographs"][0]["share"] = json!(1.01), "share"),
         (|plan| plan["blocks"][1]["photographs"][0]["sha256"] = json!("AB"), "SHA-256"),
@@ -156,7 +156,7 @@ fn numbers_that_cannot_be_are_refused() {
         (|plan| plan["blocks"][0]["cell"] = json!([null, 1.4, null, null]), "belongs to no cell"),
         (|plan| plan["blocks"][0]["cell"] = json!([null, 1.6, null, null]), "overlap"),
         (|plan| plan["blocks"][1]["cell"] = json!([1.5, 1.5, null, -2.0]), "lower edge"),
-        (|plan| plan["blocks"][1]["cell"] = json!([1.5, null, null]), "length"),
+        (|plan| plan["blocks"][1]["cell"] = json!([1.5, null, null]), "plan anew"),
         (|plan| plan["ground"]["up"] = json!([0, 0, -1]), "mirrored"),
         (|plan| plan["ground"]["east"] = json!([1, 0.1, 0]), "unit vectors"),
     ];
