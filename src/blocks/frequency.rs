@@ -82,7 +82,9 @@ impl<'a> Frequency<'a> {
         let spacing =
             saliency::spacing_by_mask(&luma, &seen.mask, [geometry.stereo_error_low, geometry.stereo_error_high])?;
         let shrunk = [f64::from(luma.width()) / f64::from(width), f64::from(luma.height()) / f64::from(height)];
-        let times = shrunk[0] * shrunk[1] * finer(longer_side([(width, height)]), self.settings.run.iterations);
+        let grown = if self.settings.density.no_densify { 1.0 } else { GROWTH };
+        let finer = finer(longer_side([(width, height)]), self.settings.run.iterations);
+        let times = grown * finer * shrunk[0] * shrunk[1];
         let around = Means::new(&luma, spacing.values().iter().map(|s| 1.0 / f64::from(*s).powi(2)));
         let of = |place: Place| {
             let [u, v] = [place.at[0] * shrunk[0], place.at[1] * shrunk[1]];

@@ -27,7 +27,8 @@ pub struct Ground {
 
 impl Ground {
     /// The ground of a dataset: east and north of the map where one is known; else up is the cameras', and east along
-    /// a side of the smallest rectangle around the points. The origin is in the middle of the points. `None` without points.
+    /// a side of the smallest rectangle around the points. The origin is in the middle of the points. `None` without
+    /// points.
     pub(super) fn of(dataset: &Dataset) -> Option<Self> {
         let mut points: Vec<[f64; 3]> = dataset.usable_points().iter().map(|point| point.position).collect();
         if dataset.begins_at_random() {

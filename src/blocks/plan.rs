@@ -17,6 +17,8 @@ use crate::vk::Gpu;
 
 /// Most blocks that are tried where a limit decides how many there are.
 const MOST_BLOCKS: usize = 4096;
+/// Where blocks are too large, so much of the larger number of blocks that would be right without margins is passed over.
+const SURE: f64 = 0.7;
 /// Rounds in which cells are made fit for blocks that take equally long, and the exponent of a step towards that.
 const ROUNDS: usize = 4;
 const STEP: f64 = 0.7;
@@ -81,9 +83,12 @@ pub fn plan(gpu: &Gpu, request: &PlanRequest<'_>) -> Result<Planned, Error> {
         return Err(nowhere());
     }
     let global = global(dataset, settings, total);
-    let memory = Memory::new(gpu, dataset, settings, u64::from(global.max_splats));
+    let memory = Memory::new(gpu, dataset, settings, u64::from(global.max_splats))?;
     let cut = Cut { surface: &surface, memory: &memory, margin: request.margin, views: dataset.views.len() };
-    let parts = cut.within(request.count, total)?;
+    let parts = match request.count {
+        Count::Blocks(count) => cut.into_parts(count, ROUNDS),
+        Count::Within(limit) => cut.within(limit, total)?,
+    };
     let chosen: Vec<&Chosen> = parts.iter().flat_map(|part| &part.photographs).collect();
     let mut used = vec![false; dataset.views.len()];
     chosen.iter().for_each(|(view, _)| used[*view as usize] = true);
@@ -130,7 +135,8 @@ pub fn plan(gpu: &Gpu, request: &PlanRequest<'_>) -> Result<Planned, Error> {
     Ok(Planned { file, points, cameras, splats: total, blind })
 }
 
-/// Seconds of a step of a part, by those of the part with the median of splats, as in [`work`]. `None` where the device does not tell times, or has no room.
+/// Seconds of a step of a part, by those of the part with the median of splats, as in [`work`]. `None` where the device
+/// does not tell times, or has no room.
 fn timed(
     gpu: &Gpu,
     request: &PlanRequest<'_>,
@@ -160,49 +166,49 @@ struct Measured {
 /// Cuts the ground and measures the parts.
 struct Cut<'a> {
     surface: &'a Surface,
-    memory: &'a Memory<'a>,
+    memory: &'a Memory,
     margin: f64,
     views: usize,
 }
 
 impl Cut<'_> {
-    fn within(&self, count: Count, total: f64) -> Result<Vec<Measured>, Error> {
-        let wanted = match count {
-            Count::Blocks(count) => return self.into_parts(count, ROUNDS),
-            Count::Within(limit) => limit,
+    /// The fewest parts that keep to a limit. Cells have equal splats, since the largest part decides.
+    fn within(&self, wanted: Limit, total: f64) -> Result<Vec<Measured>, Error> {
+        let (most, least) = match wanted {
+            Limit::Splats(most) => (most, 0),
+            Limit::Memory(most) => (most, self.memory.least()),
         };
-        let (most, takes): (u64, fn(&Measured) -> u64) = match wanted {
-            Limit::Splats(most) => (most, |part| part.splats.ceil() as u64),
-            Limit::Memory(most) => (most, |part| part.memory),
+        let takes = |part: &Measured| match wanted {
+            Limit::Splats(_) => part.splats.ceil() as u64,
+            Limit::Memory(_) => part.memory,
         };
         // Fewer blocks than this hold more than they may even without margins.
         let fewest = match wanted {
-            Limit::Splats(most) => (total / most.max(1) as f64).ceil().clamp(1.0, MOST_BLOCKS as f64) as usize,
-            Limit::Memory(_) => 1,
+            Limit::Splats(most) => total / most.max(1) as f64,
+            Limit::Memory(_) => 1.0,
         };
-        let mut tried = fewest;
+        let mut tried = fewest.ceil().clamp(1.0, MOST_BLOCKS as f64) as usize;
         loop {
-            // Blocks of equal splats are the smallest.
-            let parts = self.into_parts(tried, 0)?;
+            let parts = self.into_parts(tried, 0);
             let largest = parts.iter().map(takes).max().unwrap_or(0);
             if largest <= most {
                 return Ok(parts);
             }
-            if parts.len() < tried || tried >= MOST_BLOCKS {
+            if most <= least || parts.len() < tried || tried >= MOST_BLOCKS {
                 let least = match wanted {
                     Limit::Splats(_) => Limit::Splats(largest),
                     Limit::Memory(_) => Limit::Memory(largest),
                 };
                 return Err(Error::TooSmall { wanted, blocks: parts.len(), least });
             }
-            // One more block, or a thirty-second more where there are many already.
-            tried += (tried / 32).max(1);
+            let over = (largest - least) as f64 / (most - least) as f64;
+            tried = ((SURE * over * tried as f64) as usize).max(tried + 1).min(MOST_BLOCKS);
         }
     }
 
     /// Cells of equal splats are cut first. Blocks in the middle have more margin and photographs than those at the
     /// edge; their cells become smaller in a few further rounds, until the blocks take about equally long.
-    fn into_parts(&self, count: usize, rounds: usize) -> Result<Vec<Measured>, Error> {
+    fn into_parts(&self, count: usize, rounds: usize) -> Vec<Measured> {
         let pieces = &self.surface.pieces;
         let mut points: Vec<Weighted> =
             pieces.iter().map(|piece| Weighted { place: piece.place, work: piece.splats }).collect();
@@ -221,9 +227,9 @@ impl Cut<'_> {
             }
         }
         for part in &mut best {
-            part.memory = self.memory.of(&part.photographs, part.splats)?;
+            part.memory = self.memory.of(&part.photographs, part.splats);
         }
-        Ok(best)
+        best
     }
 
     /// The parts of a cut by the work of points, without their memory.
