@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use clap::{Args as _, Command, FromArgMatches as _};
 use psrgs_vk::blocks::{BlockModel, BlockState, DoneFile, GLOBAL, Merged, PLAN_PICTURE, PlanFolder, merge};
-use psrgs_vk::dataset::{Dataset, LoadOptions};
+use psrgs_vk::dataset::Dataset;
 use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile, FRAME_FILE, FrameFile};
 use psrgs_vk::numbers::counted;
 use psrgs_vk::train::settings::{DeviceChoice, HostChoice, Split};
@@ -107,8 +107,8 @@ fn tell_coarse_models(done: &[DoneFile], console: &Console) {
         done.iter().filter(|other| own(other) != own(first)).map(|other| other.origin.block.as_str()).collect();
     if !others.is_empty() {
         console.warn(format_args!(
-            "{}: of one coarse model, {} of another: colours may differ at the seams; train {GLOBAL} first and copy the \
-             plan's folder then",
+            "{}: of one coarse model, {} of another: colours may differ at the seams; train {GLOBAL} first and copy \
+             the plan's folder then",
             first.origin.block,
             others.join(", ")
         ));
@@ -131,8 +131,8 @@ fn forget_results(folder: &Path) -> Result<(), Failure> {
 
 /// Writes what lies beside a trained model: its place on Earth, and the exposures of the coarse model.
 fn files_beside(folder: &PlanFolder, data: &Path, settings: &Settings) -> anyhow::Result<()> {
-    let options = LoadOptions { photographs: false, ..prepare::load_options_of(settings) };
-    let dataset = Dataset::load(data, &options)?;
+    // Photographs say where they were taken.
+    let dataset = Dataset::load(data, &prepare::load_options_of(settings))?;
     let map = GeoArgs::default().placed(&dataset)?.georeference.record(dataset.frame.offset);
     let frame = FrameFile::new(dataset.frame, dataset.coordinates.clone()).with_map(map);
     frame.write(&folder.path.join(FRAME_FILE))?;

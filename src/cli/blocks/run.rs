@@ -124,8 +124,8 @@ impl Trainings<'_> {
             (None, Some(share)) if !matches!(self.folder.quick_state(GLOBAL), BlockState::Done(_)) => {
                 let Share { first, of } = share;
                 Err(Failure::Usage(format!(
-                    "--share {}/{of}: blocks fit together if all have the same coarse model: train that first (psrgs-vk \
-                     blocks run {} --block {GLOBAL}), then copy the plan's folder",
+                    "--share {}/{of}: blocks fit together if all have the same coarse model: train that first \
+                     (psrgs-vk blocks run {} --block {GLOBAL}), then copy the plan's folder",
                     first + 1,
                     self.args.plan.display()
                 ))

@@ -42,8 +42,8 @@ pub struct Splats {
 }
 
 impl Splats {
-    /// Opens a file. An error if it has another layout than this program writes, or is longer or shorter than its header
-    /// says.
+    /// Opens a file. An error if it has another layout than this program writes, or is longer or shorter than its
+    /// header says.
     pub fn open(file: &Path) -> Result<Self, Error> {
         let (opened, bytes) = source::open(file)?;
         let mut reader = BufReader::with_capacity(1 << 18, opened);

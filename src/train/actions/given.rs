@@ -1,5 +1,5 @@
-//! What a training is given besides photographs and a first model: a cloud and a region that growth keeps to, and splats
-//! where no photograph looks.
+//! What a training is given besides photographs and a first model: a cloud and a region that growth keeps to, and
+//! splats where no photograph looks.
 
 use std::sync::Arc;
 
