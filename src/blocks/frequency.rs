@@ -9,8 +9,11 @@ use crate::train::settings::Frequencies;
 /// Most photographs that are decoded for a plan. Of more, evenly chosen ones speak for all.
 const DECODED: usize = 2048;
 
-/// Splats at the height of a training for each of the first ones, where splats grow.
-const GROWTH: f64 = 2.5;
+/// Splats at the height of a training for each one that the rule asks for on the surface of all points. Ten scenes had
+/// from 0.2 to 0.9: training begins where several photographs agree, and grows from there to about 2.5 times as many.
+const HEIGHT: f64 = 0.5;
+/// The same where splats do not grow.
+const BEGINNING: f64 = 0.2;
 
 /// A place in a photograph.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,7 +85,7 @@ impl<'a> Frequency<'a> {
         let spacing =
             saliency::spacing_by_mask(&luma, &seen.mask, [geometry.stereo_error_low, geometry.stereo_error_high])?;
         let shrunk = [f64::from(luma.width()) / f64::from(width), f64::from(luma.height()) / f64::from(height)];
-        let grown = if self.settings.density.no_densify { 1.0 } else { GROWTH };
+        let grown = if self.settings.density.no_densify { BEGINNING } else { HEIGHT };
         let finer = finer(longer_side([(width, height)]), self.settings.run.iterations);
         let times = grown * finer * shrunk[0] * shrunk[1];
         let around = Means::new(&luma, spacing.values().iter().map(|s| 1.0 / f64::from(*s).powi(2)));
