@@ -81,7 +81,7 @@ impl Sheet {
     fn at(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let [x0, x1, y0, y1] = self.bounds;
         let inside = (x0..=x1).contains(&x) && (y0..=y1).contains(&y);
-        inside.then(|| [EDGE + self.scale * (x - x0), TITLE + self.scale * (y1 - y)])
+        inside.then_some([EDGE + self.scale * (x - x0), TITLE + self.scale * (y1 - y)])
     }
 
     /// Left, top, width and height in pixels of bounds `[x0, x1, y0, y1]`, cut to the map. `None` outside of the map.

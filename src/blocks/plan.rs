@@ -86,7 +86,7 @@ pub fn plan(gpu: &Gpu, request: &PlanRequest<'_>) -> Result<Planned, Error> {
     let memory = Memory::new(gpu, dataset, settings, u64::from(global.max_splats))?;
     let cut = Cut { surface: &surface, memory: &memory, margin: request.margin, views: dataset.views.len() };
     let parts = match request.count {
-        Count::Blocks(count) => cut.into_parts(count, ROUNDS),
+        Count::Blocks(count) => cut.parts_of(count, ROUNDS),
         Count::Within(limit) => cut.within(limit, total)?,
     };
     let chosen: Vec<&Chosen> = parts.iter().flat_map(|part| &part.photographs).collect();
@@ -189,7 +189,7 @@ impl Cut<'_> {
         };
         let mut tried = fewest.ceil().clamp(1.0, MOST_BLOCKS as f64) as usize;
         loop {
-            let parts = self.into_parts(tried, 0);
+            let parts = self.parts_of(tried, 0);
             let largest = parts.iter().map(takes).max().unwrap_or(0);
             if largest <= most {
                 return Ok(parts);
@@ -208,7 +208,7 @@ impl Cut<'_> {
 
     /// Cells of equal splats are cut first. Blocks in the middle have more margin and photographs than those at the
     /// edge; their cells become smaller in a few further rounds, until the blocks take about equally long.
-    fn into_parts(&self, count: usize, rounds: usize) -> Vec<Measured> {
+    fn parts_of(&self, count: usize, rounds: usize) -> Vec<Measured> {
         let pieces = &self.surface.pieces;
         let mut points: Vec<Weighted> =
             pieces.iter().map(|piece| Weighted { place: piece.place, work: piece.splats }).collect();
