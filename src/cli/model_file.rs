@@ -194,6 +194,13 @@ impl Drawn {
         Ok(picture)
     }
 
+    /// Draws other splats of the scene from now on.
+    pub(crate) fn replace(&mut self, gaussians: &Gaussians, drawing: &DrawingArgs) -> Result<(), vk::Error> {
+        self.planes = self.viewer.upload_with(gaussians, drawing.sh())?;
+        self.splats = gaussians.len() as u32;
+        Ok(())
+    }
+
     /// Draws the model as `look` says; `ids` tell the parts of the model apart.
     pub(crate) fn look(
         &mut self,

@@ -1,5 +1,7 @@
 //! `psrgs-vk view`: a model on a page in the browser.
 
+mod levels;
+
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -14,6 +16,7 @@ use super::interrupt::Interrupt;
 use super::live_page;
 use super::look_args::{LookArgs, StrictArgs};
 use super::model_file::{Drawn, ModelFile};
+use levels::Levels;
 
 /// Pictures a second while somebody moves.
 const RATE: f64 = 15.0;
@@ -27,6 +30,7 @@ const NAP: Duration = Duration::from_millis(100);
 Examples:
   psrgs-vk view fox-model/point_cloud.ply --cameras fox
   psrgs-vk view fox-model/point_cloud.ply --address 9000
+  psrgs-vk view town/point_cloud.ply --max-splats 500000     a model too large for the device or too slow
 
 The program renders on its device and the browser shows the pictures, so the page works through a tunnel as well: \
 `ssh -L 8765:localhost:8765 HOST`, then open the printed address. Ctrl-C ends the program.")]
@@ -43,6 +47,10 @@ pub(crate) struct Args {
     /// Photographs are reduced until their longer side has at most this many pixels
     #[arg(long, value_name = "PX", default_value_t = 1600)]
     pub(crate) max_side: u32,
+    /// Draw at most this many splats: what is far or out of sight is drawn from splats merged when the program starts.
+    /// A smaller number makes pictures faster and coarser [default: all splats]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..))]
+    pub(crate) max_splats: Option<u32>,
     #[command(flatten)]
     pub(crate) files: StrictArgs,
     #[command(flatten)]
@@ -56,10 +64,23 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyh
         None => (Frame::IDENTITY, Vec::new()),
     };
     let gpu = args.look.scene.open(console)?;
-    let drawn = args.look.upload(&gpu, &model, &frame)?;
-    let ids = identities(&gpu, &model)?;
-    let mut scene = SceneInfo::new(&title(&args.model), frame).with_shots(shots).around(&model.in_scene(&frame).means);
-    scene.parts = ids.is_some();
+    let gaussians = model.in_scene(&frame);
+    let mut scene = SceneInfo::new(&title(&args.model), frame).with_shots(shots).around(&gaussians.means);
+    let mut easel = match args.max_splats.map(|most| most as usize).filter(|most| *most < model.splats()) {
+        Some(most) => {
+            let levels = Levels::new(&gaussians, most, &args.look.drawing, console);
+            // Levels put splats on the device when it is known from where they are seen.
+            let none = model.with_model(model.model().rows(&[]));
+            Easel { drawn: args.look.upload(&gpu, &none, &frame)?, ids: None, levels: Some(levels) }
+        }
+        None => Easel {
+            drawn: args.look.upload(&gpu, &model, &frame)?,
+            ids: identities(&gpu, &model)?,
+            levels: None,
+        },
+    };
+    drop(gaussians);
+    scene.parts = easel.ids.is_some();
     let splats = model.splats() as u32;
     drop(model);
 
@@ -69,7 +90,6 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyh
     console.say("Ctrl-C ends the page");
     interrupt.work_begins("the page is closed");
     let mut pacer = Pacer::new(1.0, RATE, Instant::now());
-    let mut easel = Easel { drawn, ids };
     while !interrupt.asked() {
         match board.take() {
             Some(wanted) => answer(wanted, server.scene(), &board, &mut pacer, &mut easel),
@@ -130,6 +150,15 @@ fn title(file: &Path) -> String {
 struct Easel {
     drawn: Drawn,
     ids: Option<(Buffer, u32)>,
+    levels: Option<Levels>,
+}
+
+impl Easel {
+    /// Puts what a camera needs on the device.
+    fn prepare(&mut self, camera: &Camera) -> Result<(), String> {
+        let shown = self.levels.as_mut().map(|levels| levels.show(&mut self.drawn, camera));
+        shown.transpose().map(|_| ()).map_err(|error| error.to_string())
+    }
 }
 
 impl Drawable for Easel {
@@ -138,11 +167,13 @@ impl Drawable for Easel {
     }
 
     fn draw(&mut self, camera: &Camera, look: Look) -> Result<Picture, String> {
+        self.prepare(camera)?;
         let ids = self.ids.as_ref().map(|(buffer, below)| (buffer, *below));
         self.drawn.look(camera, look, ids).map_err(|error| error.to_string())
     }
 
     fn depths(&mut self, camera: &Camera) -> Result<Vec<f32>, String> {
+        self.prepare(camera)?;
         Ok(self.drawn.probe(camera, None).map_err(|error| error.to_string())?.median)
     }
 }

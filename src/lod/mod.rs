@@ -2,6 +2,7 @@
 //! from which viewers load what a view needs.
 
 mod blob;
+mod choose;
 mod likeness;
 mod merge;
 mod streamed;

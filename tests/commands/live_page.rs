@@ -476,3 +476,23 @@ fn a_training_is_paused_and_stopped_on_its_page() {
     assert_eq!(page.child.wait().expect("an end").code(), Some(130));
     assert!(out.join("checkpoints").read_dir().expect("checkpoints").count() > 0);
 }
+
+#[test]
+fn a_view_within_a_budget_shows_the_scene_from_fewer_splats() {
+    let Some(shared) = shared() else { return };
+    let splats = view_of(&shared).wait_for("the model", |status| status["splats"].as_u64() > Some(0))["splats"].clone();
+    let most = (splats.as_u64().expect("a count") / 2).max(100).to_string();
+    let (model, data) = (shared.model(), shared.data());
+    let args = ["view", text(&model), "--cameras", text(&data), "--address", "0"];
+    let picture = |more: &[&str]| {
+        let page = Page::open(&[&args[..], more].concat());
+        let picture = page.get(&FRAME.replace("m=1", "m=0"));
+        assert_eq!(page.end(), Some(0));
+        image::load_from_memory(&picture).expect("a picture").to_rgb8().into_raw()
+    };
+    let (all, few) = (picture(&[]), picture(&["--max-splats", &most]));
+    assert_eq!(all.len(), few.len());
+    let squares = all.iter().zip(&few).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2));
+    let psnr = -10.0 * (squares.sum::<f64>() / all.len() as f64 / 255.0_f64.powi(2)).log10();
+    assert!(all != few && psnr > 15.0, "{psnr} dB");
+}

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use psrgs_vk::lod::{Splats, Tree};
-use psrgs_vk::scene::Gaussians;
+use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::scene::random::Random;
 
 /// Splats of random shape in a box of side 2, with opacities up to `most`. The first number of each is its row.
@@ -229,4 +229,56 @@ fn a_tile_that_cannot_be_kept_ends_the_tree() {
         if calls == 3 { Err("full") } else { Ok(()) }
     });
     assert_eq!((stopped, calls), (Err("full"), 3));
+}
+
+/// A camera above the cloud that looks down on x = `x`.
+fn camera(x: f64, height: f64) -> Camera {
+    let rotation = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
+    let translation = [-x, 0.0, height];
+    Camera { rotation, translation, fx: 200.0, fy: 200.0, cx: 100.0, cy: 100.0, width: 200, height: 200 }
+}
+
+/// The leaves below a tile.
+fn leaves(tree: &Tree, tile: usize) -> Vec<usize> {
+    match tree.tiles[tile].children.as_slice() {
+        [] => vec![tile],
+        children => children.iter().flat_map(|child| leaves(tree, *child)).collect(),
+    }
+}
+
+#[test]
+fn chosen_tiles_show_every_place_once_within_the_budget() {
+    let (tree, _) = tree(&cloud(2600, 0.5), 50);
+    let all = leaves(&tree, tree.tiles.len() - 1);
+    let mut before = 0;
+    for most in [1, 100, 300, 900, 2600, 9000] {
+        let chosen = tree.choose(&camera(0.0, 3.0), most);
+        let splats: usize = chosen.iter().map(|tile| tree.tiles[*tile].splats).sum();
+        assert!(splats <= most.max(tree.tiles[tree.tiles.len() - 1].splats) && splats >= before, "{most}: {splats}");
+        before = splats;
+        let mut below: Vec<usize> = chosen.iter().flat_map(|tile| leaves(&tree, *tile)).collect();
+        below.sort_unstable();
+        assert!(below.iter().eq(all.iter()), "{most}: {chosen:?}");
+    }
+    assert_eq!(before, 2600);
+}
+
+#[test]
+fn near_tiles_are_fine_and_far_and_unseen_ones_coarse() {
+    let mut g = cloud(2600, 0.5);
+    g.means.iter_mut().step_by(3).for_each(|x| *x *= 20.0);
+    let (tree, _) = tree(&g, 50);
+    let splats = |camera: &Camera, within: &dyn Fn(f64) -> bool| -> usize {
+        let middle = |tile: &usize| 0.5 * (tree.tiles[*tile].bounds.low[0] + tree.tiles[*tile].bounds.high[0]);
+        let chosen = tree.choose(camera, 1000).into_iter().filter(|tile| within(middle(tile)));
+        chosen.map(|tile| tree.tiles[tile].splats).sum()
+    };
+    // The camera sees a tenth of the length.
+    let over = |x: f64| camera(x, 3.0);
+    let (east, west) = (&|x: f64| x > 10.0, &|x: f64| x < -10.0);
+    assert!(splats(&over(15.0), east) > 3 * splats(&over(-15.0), east));
+    assert!(splats(&over(-15.0), west) > 3 * splats(&over(15.0), west));
+    // From very far no level differs from the model, and the coarsest one is taken whatever the budget.
+    assert_eq!(tree.choose(&camera(0.0, 1e7), usize::MAX), [tree.tiles.len() - 1]);
+    assert!(Tree::default().choose(&over(0.0), 5).is_empty());
 }

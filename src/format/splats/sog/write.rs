@@ -24,12 +24,15 @@ const STEPS: f64 = 65_535.0;
 /// Coordinates are those of the model, in its axes: viewers take -y as up. `sh_degree` is the degree of spherical
 /// harmonics in the file, at most that of the model. Splats are reordered, rotations get unit length.
 pub fn encode(model: &Model, sh_degree: u32) -> Result<Vec<u8>, EncodeError> {
+    // Before the order changes: errors name splats by their place in the model.
+    check(&model.gaussians)?;
     let (meta, pictures) = parts(model, &model.gaussians.in_morton_order(), sh_degree)?;
     archive(&meta, pictures)
 }
 
 /// Names and content of the files of an unpacked SOG with the splats of a model, in their order.
 pub fn files(model: &Model, sh_degree: u32) -> Result<Vec<(String, Vec<u8>)>, EncodeError> {
+    check(&model.gaussians)?;
     let (meta, pictures) = parts(model, &model.gaussians, sh_degree)?;
     let meta = serde_json::to_vec(&meta).map_err(|e| EncodeError::Encoder(e.to_string()))?;
     let named = pictures.into_iter().map(|(name, bytes)| (format!("{name}.webp"), bytes));
@@ -41,7 +44,6 @@ type Pictures = Vec<(&'static str, Vec<u8>)>;
 
 /// The content of `meta.json`, and the pictures, of splats of a model.
 fn parts(model: &Model, g: &Gaussians, sh_degree: u32) -> Result<(Meta, Pictures), EncodeError> {
-    check(g)?;
     let size = picture_size(g.len());
     if size.0.max(size.1) > MOST_SIDE {
         return Err(EncodeError::TooMany { splats: g.len(), most: MOST_SIDE * MOST_SIDE });
