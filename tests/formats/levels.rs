@@ -236,3 +236,24 @@ fn splat_transform_reads_the_files_of_streamed_sog() {
     }
     assert_eq!(meta["count"].as_u64(), Some(all));
 }
+
+#[test]
+fn a_damaged_packed_tile_is_an_error_that_names_the_file() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    set(folder.path(), Content::Spz).write(&with_degree(60, 1), 100).expect("written");
+    let file = folder.path().join("tile.glb");
+    let whole = fs::read(&file).expect("a tile");
+    let replaced = |from: &str, to: &str| {
+        let at = whole.windows(from.len()).position(|part| part == from.as_bytes()).expect("the text");
+        let mut bytes = whole.clone();
+        bytes[at..at + from.len()].copy_from_slice(format!("{to:<width$}", width = from.len()).as_bytes());
+        bytes
+    };
+    let cut = (0..whole.len()).step_by(7).map(|end| whole[..end].to_vec());
+    let wrong = [replaced("\"bufferView\":0", "\"bufferView\":7"), replaced("\"byteOffset\":0", "\"byteOffset\":9")];
+    for bytes in cut.chain(wrong) {
+        fs::write(&file, bytes).expect("written");
+        let error = splats::read(&file, true).expect_err("damaged").to_string();
+        assert!(error.contains("tile.glb"), "{error}");
+    }
+}
