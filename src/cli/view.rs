@@ -73,11 +73,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyh
             let none = model.with_model(model.model().rows(&[]));
             Easel { drawn: args.look.upload(&gpu, &none, &frame)?, ids: None, levels: Some(levels) }
         }
-        None => Easel {
-            drawn: args.look.upload(&gpu, &model, &frame)?,
-            ids: identities(&gpu, &model)?,
-            levels: None,
-        },
+        None => Easel { drawn: args.look.upload(&gpu, &model, &frame)?, ids: identities(&gpu, &model)?, levels: None },
     };
     drop(gaussians);
     scene.parts = easel.ids.is_some();

@@ -78,7 +78,8 @@ fn is_in_sight(bounds: &Bounds, camera: &Camera) -> bool {
     let corners: [[f64; 3]; 8] = std::array::from_fn(|corner| {
         let point: [f64; 3] =
             std::array::from_fn(|k| if corner >> k & 1 == 0 { bounds.low[k] } else { bounds.high[k] });
-        let along = |row: usize| (0..3).map(|k| camera.rotation[row][k] * point[k]).sum::<f64>() + camera.translation[row];
+        let along =
+            |row: usize| (0..3).map(|k| camera.rotation[row][k] * point[k]).sum::<f64>() + camera.translation[row];
         [along(0), along(1), along(2)]
     });
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use psrgs_vk::lod::{Splats, Tree};
-use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::scene::random::Random;
+use psrgs_vk::scene::{Camera, Gaussians};
 
 /// Splats of random shape in a box of side 2, with opacities up to `most`. The first number of each is its row.
 fn cloud(n: usize, most: f64) -> Gaussians {

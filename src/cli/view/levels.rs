@@ -9,7 +9,7 @@ use psrgs_vk::scene::{Camera, Gaussians};
 use psrgs_vk::vk;
 
 use crate::cli::console::Console;
-use crate::cli::model_file::{Drawn, DrawingArgs};
+use crate::cli::model_file::{DrawingArgs, Drawn};
 
 /// Tiles of a full budget. More tiles follow the view more closely, and are merged less well at their edges.
 const TILES: usize = 16;
