@@ -40,7 +40,11 @@ class TwoMachines:
                 "include_dashboard": False,
                 "include_log_monitor": False,
                 # A machine that is gone is noticed within 3 seconds, not 15 and more.
-                "_system_config": {"health_check_initial_delay_ms": 1000, "health_check_period_ms": 1000},
+                "_system_config": {
+                    "health_check_initial_delay_ms": 1000,
+                    "health_check_period_ms": 1000,
+                    "health_check_failure_threshold": 3,
+                },
             },
         )
         # By name; with whether the machine is like any other.

@@ -12,7 +12,8 @@ import sys
 import time
 from pathlib import Path
 
-STEPS, EVERY = 20, 4
+# Steps of a block and of the coarse model, and of a block between two checkpoints.
+STEPS, GLOBAL_STEPS, EVERY = 20, 4, 4
 
 
 def write(path: Path, data: bytes) -> None:
@@ -68,9 +69,10 @@ def main() -> None:
     state = bytes.fromhex(text) if checkpoints else first
     settings = dict(line.split(" = ") for line in settings.splitlines())
     write(run / "begun.json", b"{}")
-    while step < STEPS:
+    steps = GLOBAL_STEPS if block == "global" else STEPS
+    while step < steps:
         step, state = step + 1, hashlib.sha256(state).digest()
-        print(f"step {step} of {STEPS}", file=sys.stderr, flush=True)
+        print(f"step {step} of {steps}", file=sys.stderr, flush=True)
         time.sleep(float(os.environ.get("FAKE_SECONDS", settings["seconds"])))
         if step % EVERY == 0:
             bulk = state * int(settings["bulk"])

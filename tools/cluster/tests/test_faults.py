@@ -131,21 +131,21 @@ class Faults(unittest.TestCase):
         self.assertEqual((code, len(self.machines.started())), (0, 5), said)
 
     def test_a_removed_machine_loses_nothing_that_landed(self) -> None:
-        plan = made_up.make(self.folder, seconds=0.2)
+        plan = made_up.make(self.folder, seconds=0.15)
         command = self.machines.start(plan)
         before = self.in_the_middle(plan, command)
         self.machines.remove(before.machine)
         self.assert_goes_on_elsewhere(plan, command, before)
 
     def test_a_killed_worker_is_replaced_by_another_machine(self) -> None:
-        plan = made_up.make(self.folder, seconds=0.2)
+        plan = made_up.make(self.folder, seconds=0.15)
         command = self.machines.start(plan)
         before = self.in_the_middle(plan, command)
         os.kill(parent_of(parent_of(before.process)), signal.SIGKILL)
         self.assert_goes_on_elsewhere(plan, command, before)
 
     def test_a_killed_command_goes_on_when_started_again(self) -> None:
-        plan = made_up.make(self.folder, seconds=0.2)
+        plan = made_up.make(self.folder, seconds=0.15)
         command = self.machines.start(plan)
         done = wait_until("a finished block", lambda: next(plan.glob("blocks/*/done.json"), None)).parent.name
         before = self.in_the_middle(plan, command)
