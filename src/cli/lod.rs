@@ -49,7 +49,8 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value = "tiles")]
     pub(crate) format: Form,
     /// Most splats of a tile; small tiles load sooner, and there are more of them
-    #[arg(long, value_name = "N", default_value_t = MOST, value_parser = clap::value_parser!(u32).range(100..=i64::from(MOST)))]
+    #[arg(long, value_name = "N", default_value_t = MOST)]
+    #[arg(value_parser = clap::value_parser!(u32).range(100..=i64::from(MOST)))]
     pub(crate) tile_splats: u32,
     /// Highest degree of spherical harmonics in the tiles [default: that of the model]
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(..=3))]

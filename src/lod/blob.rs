@@ -31,8 +31,8 @@ pub(super) struct Blob {
     pub(super) sh: [f32; SH],
 }
 
-/// Projected area of an ellipsoid, in the mean over all directions, relative to a disc of half axes 1 and 1: the root of
-/// the covariance's second invariant. That is exact for discs, 13 % too small for balls and 10 % for rods.
+/// Projected area of an ellipsoid, in the mean over all directions, relative to a disc of half axes 1 and 1: the root
+/// of the covariance's second invariant. That is exact for discs, 13 % too small for balls and 10 % for rods.
 pub(super) fn area(c: &Symmetric) -> f64 {
     let [xx, xy, xz, yy, yz, zz] = *c;
     (xx * yy - xy * xy + xx * zz - xz * xz + yy * zz - yz * yz).max(0.0).sqrt().max(f64::MIN_POSITIVE)
@@ -103,10 +103,8 @@ impl Blob {
         let turn = DQuat::from_mat3(&DMat3::from_cols(x, y, if axes.determinant() < 0.0 { -z } else { z }));
         let turn = turn.normalize();
         let opacity = (self.mass / area(&covariance)).clamp(LEAST_OPACITY, MOST_OPACITY);
-        for k in 0..3 {
-            g.means[3 * i + k] = self.mean[k] as f32;
-            g.scales[3 * i + k] = (0.5 * values[k].max(least).ln()) as f32;
-        }
+        g.means[3 * i..3 * i + 3].copy_from_slice(&self.mean.as_vec3().to_array());
+        g.scales[3 * i..3 * i + 3].copy_from_slice(&values.map(|value| (0.5 * value.max(least).ln()) as f32));
         g.quats[4 * i..4 * i + 4].copy_from_slice(&[turn.w, turn.x, turn.y, turn.z].map(|v| v as f32));
         g.opacities[i] = (opacity / (1.0 - opacity)).ln() as f32;
         for (k, value) in self.sh.iter().enumerate() {

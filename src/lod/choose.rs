@@ -37,9 +37,9 @@ impl Ord for Coarse {
 }
 
 impl Tree {
-    /// The tiles from which a camera's picture is drawn, ascending: together they show every place once, and have at most
-    /// `most` splats if the root has no more. Where mass was moved furthest in the picture, tiles are replaced by their
-    /// children first. Tiles out of sight stay coarse.
+    /// The tiles from which a camera's picture is drawn, ascending: together they show every place once, and have at
+    /// most `most` splats if the root has no more. Where mass was moved furthest in the picture, tiles are replaced
+    /// by their children first. Tiles out of sight stay coarse.
     pub fn choose(&self, camera: &Camera, most: usize) -> Vec<usize> {
         let Some(root) = self.root() else { return Vec::new() };
         let mut splats = root.splats;
@@ -73,7 +73,8 @@ fn moved(tile: &Tile, camera: &Camera) -> f64 {
     if tile.error > 0.0 { tile.error * camera.fx.max(camera.fy) / distance } else { 0.0 }
 }
 
-/// Whether a part of a box may lie in a picture: not all corners are beyond one edge of the picture, or behind the camera.
+/// Whether a part of a box may lie in a picture: not all corners are beyond one edge of the picture, or behind the
+/// camera.
 fn is_in_sight(bounds: &Bounds, camera: &Camera) -> bool {
     let corners: [[f64; 3]; 8] = std::array::from_fn(|corner| {
         let point: [f64; 3] =
@@ -83,12 +84,11 @@ fn is_in_sight(bounds: &Bounds, camera: &Camera) -> bool {
         [along(0), along(1), along(2)]
     });
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    let beyond: [&dyn Fn(&[f64; 3]) -> bool; 5] = [
-        &|p| p[2] <= 0.0,
-        &|p| camera.fx * p[0] + camera.cx * p[2] < 0.0,
-        &|p| camera.fx * p[0] + (camera.cx - width) * p[2] > 0.0,
-        &|p| camera.fy * p[1] + camera.cy * p[2] < 0.0,
-        &|p| camera.fy * p[1] + (camera.cy - height) * p[2] > 0.0,
-    ];
-    !beyond.iter().any(|beyond| corners.iter().all(beyond))
+    let beyond = |[x, y, z]: [f64; 3]| {
+        let (left, right) = (camera.fx * x + camera.cx * z, camera.fx * x + (camera.cx - width) * z);
+        let (top, bottom) = (camera.fy * y + camera.cy * z, camera.fy * y + (camera.cy - height) * z);
+        [z <= 0.0, left < 0.0, right > 0.0, top < 0.0, bottom > 0.0]
+    };
+    let corners = corners.map(beyond);
+    !(0..5).any(|edge| corners.iter().all(|beyond| beyond[edge]))
 }

@@ -3,8 +3,8 @@
 use super::blob::{Blob, MOST_OPACITY, SH, Symmetric, area, with_room};
 use crate::scene::init::SH_C0;
 
-/// Weight of the error in what shows through, in relation to the error of a colour channel. Larger weights keep outlines
-/// in front of far things, smaller ones keep colours.
+/// Weight of the error in what shows through, in relation to the error of a colour channel. Larger weights keep
+/// outlines in front of far things, smaller ones keep colours.
 const COVER: f64 = 0.1;
 /// Least determinant of a projected covariance: splats may be thin as lines.
 const LEAST_DETERMINANT: f64 = 1e-290;

@@ -1,7 +1,8 @@
 //! Fewer splats that look alike from afar: pairs of splats that change pictures least are merged, round by round.
 //!
-//! Of a merged splat, mass (opacity times projected area), mean and covariance are those of all its splats together, and
-//! spherical harmonics are their mean weighted by mass. A merged splat that would have to be more than opaque is widened.
+//! Of a merged splat, mass (opacity times projected area), mean and covariance are those of all its splats together,
+//! and spherical harmonics are their mean weighted by mass. A merged splat that would have to be more than opaque is
+//! widened.
 
 use std::num::NonZero;
 

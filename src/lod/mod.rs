@@ -1,5 +1,5 @@
-//! Levels of detail: a tree of tiles whose inner tiles hold fewer splats, merged so that they look alike from afar; files
-//! from which viewers load what a view needs.
+//! Levels of detail: a tree of tiles whose inner tiles hold fewer splats, merged so that they look alike from afar;
+//! files from which viewers load what a view needs.
 
 mod blob;
 mod choose;

@@ -1,6 +1,6 @@
-//! Streamed SOG: `lod-meta.json` and folders of unpacked SOG, as PlayCanvas loads them. Space is divided into cells, the
-//! leaves of the tree of tiles. A cell has a run of splats in a file of each level: level 0 has all splats, each further
-//! level a quarter of those before.
+//! Streamed SOG: `lod-meta.json` and folders of unpacked SOG, as PlayCanvas loads them. Space is divided into cells,
+//! the leaves of the tree of tiles. A cell has a run of splats in a file of each level: level 0 has all splats, each
+//! further level a quarter of those before.
 
 use std::path::{Path, PathBuf};
 
@@ -60,8 +60,8 @@ struct Level {
 }
 
 impl StreamedSog<'_> {
-    /// Writes a model with at most `most` splats in a cell. `lod-meta.json` is written last: without that file the folder
-    /// holds no model.
+    /// Writes a model with at most `most` splats in a cell. `lod-meta.json` is written last: without that file the
+    /// folder holds no model.
     pub fn write(&self, model: &Model, most: usize) -> Result<Streamed, Error> {
         let meta = self.file();
         match std::fs::remove_file(&meta) {

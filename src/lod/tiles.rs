@@ -35,14 +35,14 @@ pub struct TileSet<'a> {
     pub content: Content,
     /// Highest degree of spherical harmonics.
     pub sh_degree: u32,
-    /// From the model's coordinates, [`Model::shift`] not added, to the axes of the Earth (ECEF) in metres; `None` where
-    /// nothing says where the model lies.
+    /// From the model's coordinates, [`Model::shift`] not added, to the axes of the Earth (ECEF) in metres; `None`
+    /// where nothing says where the model lies.
     pub to_earth: Option<Similarity>,
 }
 
 impl TileSet<'_> {
-    /// Builds the tree of a model with at most `most` splats in a tile, and writes tiles and `tileset.json`. That file is
-    /// written last: without it the folder holds no set.
+    /// Builds the tree of a model with at most `most` splats in a tile, and writes tiles and `tileset.json`. That
+    /// file is written last: without it the folder holds no set.
     pub fn write(&self, model: &Model, most: usize) -> Result<Tree, Error> {
         let shared = Model { sh_degree: model.sh_degree, antialias: model.antialias, ..Model::default() };
         self.clear()?;

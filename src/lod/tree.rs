@@ -165,8 +165,8 @@ pub(super) fn parts<'a>(model: &Gaussians, rows: &'a mut [u32], leaves: usize) -
 /// Rows and the number of their leaves.
 type Half<'a> = (&'a mut [u32], usize);
 
-/// Rows on both sides of a plane across the longest side of their box, shared as their leaves are. Of splats in the same
-/// place those of lower rows come first.
+/// Rows on both sides of a plane across the longest side of their box, shared as their leaves are. Of splats in the
+/// same place those of lower rows come first.
 fn halves<'a>(model: &Gaussians, rows: &'a mut [u32], leaves: usize) -> (Half<'a>, Half<'a>) {
     let at = |row: u32, k: usize| model.means[3 * row as usize + k];
     let side = |k: usize| {

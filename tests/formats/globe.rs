@@ -18,8 +18,10 @@ use super::readers::installed;
 
 /// A page that looks down on 8 degrees east, 47 north, with north at the top of a picture of 400 x 400.
 const PAGE: &str = "<!doctype html><body style='margin:0'><div id='globe' style='width:400px;height:400px'></div>
-<link rel='stylesheet' href='/cesium/Widgets/widgets.css'><script>window.CESIUM_BASE_URL = '/cesium/';</script><script src='/cesium/Cesium.js'></script><script>
-const widget = new Cesium.CesiumWidget('globe', { baseLayer: false, skyBox: false, creditContainer: document.createElement('p') });
+<link rel='stylesheet' href='/cesium/Widgets/widgets.css'><script>window.CESIUM_BASE_URL = '/cesium/';</script>
+<script src='/cesium/Cesium.js'></script><script>
+const widget = new Cesium.CesiumWidget('globe', {
+    baseLayer: false, skyBox: false, creditContainer: document.createElement('p') });
 widget.scene.globe.show = false;
 widget.scene.backgroundColor = Cesium.Color.BLACK;
 Cesium.Cesium3DTileset.fromUrl('/tiles/tileset.json', { maximumScreenSpaceError: 0.01 }).then((tiles) => {

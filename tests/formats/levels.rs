@@ -210,10 +210,11 @@ fn streamed_sog_has_every_cell_in_every_level() {
             assert_eq!(count, before.map_or(count, |before| before.div_ceil(4)));
             before = Some(count);
             *count_of_level += count;
-            for i in offset..offset + count {
-                assert!(!std::mem::replace(&mut covered[file][i], true), "splat {i} of {file} is in two cells");
-                let inside =
-                    |k: usize| (low[k] - 1e-3..=high[k] + 1e-3).contains(&f64::from(read[file].means[3 * i + k]));
+            assert!(offset + count <= covered[file].len(), "a run of {file} is too long");
+            for (i, covered) in covered[file].iter_mut().enumerate().skip(offset).take(count) {
+                assert!(!std::mem::replace(covered, true), "splat {i} of {file} is in two cells");
+                let at = |k: usize| f64::from(read[file].means[3 * i + k]);
+                let inside = |k: usize| (low[k] - 1e-3..=high[k] + 1e-3).contains(&at(k));
                 assert!((0..3).all(inside), "splat {i} of {file} is out of its cell");
             }
         }
