@@ -13,8 +13,10 @@ use crate::scene::Camera;
 const SIDES: [u32; 2] = [320, 48];
 /// Bytes that the depth maps of all photographs may take.
 const ROOM: u64 = 256 << 20;
-/// A place this much farther than what a photograph shows there is hidden from it.
-const HIDDEN: f64 = 1.01;
+/// A photograph shows a place if what it shows there is no nearer and no farther than by this share of the distance.
+const TOLERANCE: f64 = 0.01;
+/// A height is measured where this many photographs show the place.
+const MEASURED_BY: u16 = 2;
 /// Standard error of a place in a photograph, in pixels, along each side.
 pub const IMAGE_ERROR: f64 = 0.5;
 /// Side in cells of the squares that share a list of photographs.
@@ -39,11 +41,20 @@ pub struct Photographs {
 /// What photographs see of the cells of a block.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sight {
-    /// Number of photographs that see the cell.
+    /// Number of photographs that see the cell: nothing hides it.
     pub count: Vec<u16>,
+    /// Number of those that show the cell's place: they do not look through it at something farther away.
+    pub showing: Vec<u16>,
     /// Expected vertical error in metres of the map: see [`Photographs::look`]. NaN where fewer than two photographs
-    /// see the cell.
+    /// show the place.
     pub error: Vec<f32>,
+}
+
+impl Sight {
+    /// Whether photographs measure the height of a cell: at least two rays meet at its place.
+    pub fn measures(&self, cell: usize) -> bool {
+        self.showing[cell] >= MEASURED_BY
+    }
 }
 
 impl Photographs {
@@ -86,10 +97,12 @@ impl Photographs {
     /// Looks at the cells of a block. `up` is the direction of heights in the scene, `unit` the metres of the map in
     /// a unit of the scene.
     ///
-    /// A photograph sees a cell whose place is inside of its picture, not masked there, and not hidden. Its ray fixes
-    /// the two directions across it up to `s d / f`, with the distance d, the focal length f in pixels and the error
-    /// s in pixels ([`IMAGE_ERROR`]). The rays of a cell together have the normal matrix `N = sum (f / (s d))^2 (I -
-    /// r r^T)`, with unit rays r, and the error along `up` is `sqrt(up^T N^-1 up)`.
+    /// A photograph sees a cell whose place is inside of its picture, not masked there, and not hidden. It shows the
+    /// place if the model's surface lies there in its view too, and not farther away: what only the view from above
+    /// shows is a splat that floats. The ray of such a photograph fixes the two directions across it up to `s d / f`,
+    /// with the distance d, the focal length f in pixels and the error s in pixels ([`IMAGE_ERROR`]). The rays of a
+    /// cell together have the normal matrix `N = sum (f / (s d))^2 (I - r r^T)`, with unit rays r, and the error along
+    /// `up` is `sqrt(up^T N^-1 up)`.
     pub fn look(&self, block: &Block, up: [f64; 3], unit: f64) -> Sight {
         let cells = block.window.cells();
         let (width, height) = (block.window.width, block.window.height);
@@ -104,9 +117,9 @@ impl Photographs {
             cells.into_iter().map(|cell| (cell, of_point(&eyes, block.point[cell], up, unit))).collect::<Vec<_>>()
         };
         let found: Vec<_> = squares.into_par_iter().flat_map_iter(of_square).collect();
-        let mut sight = Sight { count: vec![0; cells], error: vec![f32::NAN; cells] };
-        for (cell, (count, error)) in found {
-            (sight.count[cell], sight.error[cell]) = (count, error);
+        let mut sight = Sight { count: vec![0; cells], showing: vec![0; cells], error: vec![f32::NAN; cells] };
+        for (cell, (count, showing, error)) in found {
+            (sight.count[cell], sight.showing[cell], sight.error[cell]) = (count, showing, error);
         }
         sight
     }
@@ -126,14 +139,19 @@ impl Photographs {
     }
 }
 
-/// Number of photographs that see a point, and the expected error of its height.
-fn of_point(eyes: &[&Eye], point: [f32; 3], up: [f64; 3], unit: f64) -> (u16, f32) {
+/// Number of photographs that see a point, of those that show it, and the expected error of its height.
+fn of_point(eyes: &[&Eye], point: [f32; 3], up: [f64; 3], unit: f64) -> (u16, u16, f32) {
     let point = point.map(f64::from);
-    let mut count = 0u16;
+    let (mut count, mut showing) = (0u16, 0u16);
     // The upper triangle of N.
     let mut normal = [0.0f64; 6];
-    for eye in eyes.iter().filter(|eye| eye.sees(point)) {
+    for eye in eyes {
+        let Some(shows) = eye.sees(point) else { continue };
         count = count.saturating_add(1);
+        if !shows {
+            continue;
+        }
+        showing = showing.saturating_add(1);
         let ray: [f64; 3] = std::array::from_fn(|k| point[k] - eye.center[k]);
         let squared: f64 = ray.iter().map(|v| v * v).sum();
         let weight = eye.camera.fx * eye.camera.fy / (IMAGE_ERROR * IMAGE_ERROR * squared);
@@ -141,8 +159,8 @@ fn of_point(eyes: &[&Eye], point: [f32; 3], up: [f64; 3], unit: f64) -> (u16, f3
             *n += weight * (f64::from(u8::from(i == j)) - ray[i] * ray[j] / squared);
         }
     }
-    let error = if count < 2 { f64::NAN } else { unit * along(&normal, up).sqrt() };
-    (count, error as f32)
+    let error = if showing < MEASURED_BY { f64::NAN } else { unit * along(&normal, up).sqrt() };
+    (count, showing, error as f32)
 }
 
 /// `up^T N^-1 up`; not a number where N has no inverse.
@@ -178,25 +196,29 @@ impl Eye {
         within(x, camera.fx, camera.cx, camera.width) && within(y, camera.fy, camera.cy, camera.height)
     }
 
-    fn sees(&self, point: [f64; 3]) -> bool {
-        let Some([u, v, z]) = self.camera.placed(point) else { return false };
-        self.counting.at([u, v]) && z <= HIDDEN * self.farthest([u, v])
+    /// `None` where the point is hidden or out of the picture; else whether the picture shows the point.
+    fn sees(&self, point: [f64; 3]) -> Option<bool> {
+        let [u, v, z] = self.camera.placed(point)?;
+        let [nearest, farthest] = self.depths_around([u, v]);
+        let seen = self.counting.at([u, v]) && z <= (1.0 + TOLERANCE) * farthest;
+        seen.then_some(z >= (1.0 - TOLERANCE) * nearest)
     }
 
-    /// The largest of the depths around a place of the picture; infinite where one is not known.
-    fn farthest(&self, [u, v]: [f64; 2]) -> f64 {
+    /// The least and the largest of the depths around a place of the picture; infinite where one is not known.
+    fn depths_around(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [width, height] = self.size;
         let at = |v: f64, size: u32, of: u32| v * f64::from(size) / f64::from(of) - 0.5;
         let (x, y) = (at(u, width, self.camera.width), at(v, height, self.camera.height));
         let clamp = |v: f64, size: u32| v.clamp(0.0, f64::from(size - 1)) as usize;
-        let mut most = 0.0f64;
+        let (mut least, mut most) = (f64::INFINITY, 0.0f64);
         for row in [clamp(y.floor(), height), clamp(y.floor() + 1.0, height)] {
             for column in [clamp(x.floor(), width), clamp(x.floor() + 1.0, width)] {
                 let depth = self.depths[row * width as usize + column].to_f64();
-                most = most.max(if depth > 0.0 { depth } else { f64::INFINITY });
+                let depth = if depth > 0.0 { depth } else { f64::INFINITY };
+                (least, most) = (least.min(depth), most.max(depth));
             }
         }
-        most
+        [least, most]
     }
 }
 
@@ -273,11 +295,14 @@ mod tests {
         let eyes = Photographs { eyes: vec![roofed, above(0.0, 10.0)] };
         let points = vec![[-3.0, 0.0, 0.0], [3.0, 0.0, 0.0], [9.0, 0.0, 0.0], [-1.0, 0.0, 5.0], [0.0, 0.0, 11.0]];
         let mut of_all = block(points);
-        assert_eq!(eyes.look(&of_all, [0.0, 0.0, 1.0], 1.0).count, [1, 2, 0, 2, 0]);
+        let sight = eyes.look(&of_all, [0.0, 0.0, 1.0], 1.0);
+        assert_eq!(sight.count, [1, 2, 0, 2, 0]);
+        assert_eq!(sight.showing, [1, 2, 0, 1, 0], "one photograph looks through the place at half the distance");
+        assert_eq!([0, 1, 2, 3, 4].map(|cell| sight.measures(cell)), [false, true, false, false, false]);
         of_all.alpha[1] = 0.49;
         let sight = eyes.look(&of_all, [0.0, 0.0, 1.0], 1.0);
         assert_eq!(sight.count, [1, 0, 0, 2, 0], "a cell without a surface");
-        assert!(sight.error[0].is_nan() && sight.error[3].is_nan(), "one ray, or two parallel ones: {sight:?}");
+        assert!(sight.error[0].is_nan() && sight.error[3].is_nan(), "one ray: {sight:?}");
     }
 
     #[test]

@@ -56,8 +56,10 @@ pub struct About {
     pub height: u32,
     /// Cells in which splats show a surface.
     pub opaque: u64,
-    /// Cells with data: those of a surface that a photograph sees.
+    /// Cells with colour: those of a surface that a photograph sees.
     pub with_data: u64,
+    /// Cells with a height: those whose place two photographs show.
+    pub with_height: u64,
     /// Cells that at least two photographs see.
     pub seen_by_two: u64,
     /// Number of photographs.
@@ -147,6 +149,7 @@ fn about(surface: &mut Surface, photographs: &Photographs) -> About {
         height: grid.height,
         opaque: 0,
         with_data: 0,
+        with_height: 0,
         seen_by_two: 0,
         photographs: photographs.len(),
         expected_error: None,
@@ -163,6 +166,7 @@ fn count(about: &mut About, errors: &mut Vec<f64>, block: &Block, sight: &Sight)
     for cell in (0..block.window.cells()).filter(|cell| block.is_opaque(*cell)) {
         about.opaque += 1;
         about.with_data += u64::from(sight.count[cell] > 0);
+        about.with_height += u64::from(sight.measures(cell));
         about.seen_by_two += u64::from(sight.count[cell] > 1);
         of_window.extend(Some(f64::from(sight.error[cell])).filter(|error| error.is_finite()));
     }
@@ -180,7 +184,7 @@ fn colour(block: &Block, sight: &Sight, cell: usize) -> [u8; 4] {
 }
 
 fn height(block: &Block, sight: &Sight, cell: usize) -> [f32; 2] {
-    let known = has_data(block, sight, cell);
+    let known = has_data(block, sight, cell) && sight.measures(cell);
     [if known { block.height[cell] as f32 } else { NO_DATA }, NO_DATA]
 }
 
