@@ -235,7 +235,7 @@ fn options_that_the_documents_name_exist() {
     let names = |text: &str| -> Vec<String> { text.split("--").skip(1).filter_map(option).collect() };
     let known = names(&helps);
     let mut named = 0;
-    for document in ["README.md", "docs/GUIDE.md", "docs/MAPS.md", "docs/WORLD.md"] {
+    for document in ["README.md", "docs/GUIDE.md", "docs/MAPS.md", "docs/LARGE.md", "docs/WORLD.md"] {
         let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(document)).unwrap();
         // Between backticks in the text; in blocks of code on lines that call this program.
         for (k, part) in text.split("```").enumerate() {

@@ -177,8 +177,9 @@ fn tell(about: &About, args: &Args, console: &Console) {
         .expected_error
         .map_or_else(String::new, |error| format!("; expected error of heights {} m", fraction(error, 3)));
     console.say(format_args!(
-        "data in {} of the cells, seen by two of {} in {}{error}",
+        "colour in {} of the cells, a height in {}; two of {} see {}{error}",
         percent(about.with_data as f64 / cells, 1),
+        percent(about.with_height as f64 / cells, 1),
         counted(about.photographs, "photograph"),
         percent(about.seen_by_two as f64 / cells, 1),
     ));

@@ -48,6 +48,7 @@ fn a_map_has_its_files_and_their_numbers() {
     let (width, height) = (number("width"), number("height"));
     assert!(number("with_data") > 0 && number("with_data") <= number("opaque"), "{about}");
     assert!(number("seen_by_two") <= number("with_data") && number("photographs") == 9, "{about}");
+    assert!(number("with_height") > 0 && number("with_height") <= number("seen_by_two"), "{about}");
     assert_eq!((about["system"].as_str(), about["epsg"].is_null()), (Some("local"), true), "{about}");
     for name in ["orthophoto.tif", "dsm.tif", "quality.tif", "dtm.tif", "hillshade.tif"] {
         let bytes = fs::read(out.join(name)).unwrap_or_else(|problem| panic!("{name}: {problem}"));
