@@ -480,7 +480,7 @@ fn a_training_is_paused_and_stopped_on_its_page() {
 #[test]
 fn a_view_within_a_budget_shows_the_scene_from_fewer_splats() {
     let Some(shared) = shared() else { return };
-    let splats = view_of(&shared).wait_for("the model", |status| status["splats"].as_u64() > Some(0))["splats"].clone();
+    let splats = view_of(shared).wait_for("the model", |status| status["splats"].as_u64() > Some(0))["splats"].clone();
     let most = (splats.as_u64().expect("a count") / 2).max(100).to_string();
     let (model, data) = (shared.model(), shared.data());
     let args = ["view", text(&model), "--cameras", text(&data), "--address", "0"];
