@@ -239,15 +239,20 @@ fn written(
         fraction(seconds_write, 1),
     ));
     if beside {
-        let frame = file_beside(file);
-        console.say(format_args!("where the model belongs is told by {}: keep it beside the model", frame.display()));
-        if let Some(map) = map {
-            let code = map.epsg.map(|code| format!(" (EPSG:{code})")).unwrap_or_default();
-            console.say(format_args!("with the matrix to {}{code}, heights above: {}", map.system, map.heights));
-        }
+        tell_beside(file, map, console);
     } else if turned.model.shift != [0.0; 3] {
         let [x, y, z] = turned.model.shift;
         console.say(format_args!("coordinates are the dataset's less {x} {y} {z}, which the file tells"));
     }
     Ok(row)
+}
+
+/// Tells of the file beside a model.
+fn tell_beside(model: &Path, map: Option<&MapFrame>, console: &Console) {
+    let frame = file_beside(model);
+    console.say(format_args!("where the model belongs is told by {}: keep it beside the model", frame.display()));
+    if let Some(map) = map {
+        let code = map.epsg.map(|code| format!(" (EPSG:{code})")).unwrap_or_default();
+        console.say(format_args!("with the matrix to {}{code}, heights above: {}", map.system, map.heights));
+    }
 }

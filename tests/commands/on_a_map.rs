@@ -127,3 +127,45 @@ fn exports_lead_to_the_map_that_the_training_kept() {
     }
     assert_eq!(json(&folder.path().join("again.splat.frame.json"))["map"], *map);
 }
+
+/// Pages with and without a dataset's cameras hold a SOG file in coordinates of their own.
+#[cfg(feature = "html-viewer")]
+#[test]
+fn html_pages_say_where_their_model_lies_on_the_map() {
+    use base64::prelude::{BASE64_STANDARD, Engine};
+    use psrgs_vk::format::{ply, splats::sog};
+
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (model, data) = (shared.model(), shared.data());
+    let map = &json(&shared.run().join("frame.json"))["map"];
+    let middle = |means: &[f32], way: &Similarity| {
+        let mut sum = [0.0; 3];
+        for mean in means.chunks_exact(3) {
+            let at = way.point([0, 1, 2].map(|k| f64::from(mean[k])));
+            (0..3).for_each(|k| sum[k] += at[k]);
+        }
+        sum.map(|v| 3.0 * v / means.len() as f64)
+    };
+    let want = middle(&ply::read(&model).expect("a model").gaussians.means, &similarity(&map["dataset_to_map"]));
+    for (name, more) in [("seen.html", &["--cameras", text(&data)][..]), ("alone.html", &["--up", "z"])] {
+        let page = folder.path().join(name);
+        let said = works(&[&["export", text(&model), "--out", text(&page)], more].concat());
+        assert!(said.contains("with the matrix to WGS 84 / UTM zone 32N (EPSG:32632)"), "{said}");
+        let told = json(&folder.path().join(format!("{name}.frame.json")));
+        assert_eq!(told["map"], *map);
+        let html = fs::read_to_string(&page).expect("a page");
+        let packed = html.split("id=\"model\">").nth(1).and_then(|rest| rest.split('<').next()).expect("a model");
+        let packed = BASE64_STANDARD.decode(packed).expect("base64");
+        let means = sog::decode(Path::new(name), &packed, true).expect("a SOG").gaussians.means;
+        let got = middle(&means, &similarity(&told["file_to_map"]));
+        // SOG rounds positions; the roundings of many splats are even.
+        assert!((0..3).all(|k| (got[k] - want[k]).abs() < 0.05), "{name}: {got:?} {want:?}");
+    }
+    // A model without a place on a map leaves nothing of an older page's place beside the page.
+    let plain = folder.path().join("plain.ply");
+    fs::copy(&model, &plain).expect("copied");
+    let page = folder.path().join("seen.html");
+    works(&["export", text(&plain), "--out", text(&page)]);
+    assert!(!folder.path().join("seen.html.frame.json").exists());
+}

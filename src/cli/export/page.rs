@@ -34,14 +34,15 @@ mod with_viewer {
     use psrgs_vk::dataset::{Dataset, LoadOptions};
     use psrgs_vk::format::atomic;
     use psrgs_vk::format::html::Shown;
-    use psrgs_vk::format::splats::placement::Turned;
+    use psrgs_vk::format::splats::placement::{self, Turned};
     use psrgs_vk::numbers::{counted, fraction, grouped};
+    use psrgs_vk::scene::Similarity;
 
-    use super::super::{chosen, not_the_model, up};
+    use super::super::{chosen, not_the_model, tell_beside, up};
     use super::{Args, Console, Failure};
     use crate::cli::model_file::ModelFile;
     use crate::cli::model_frame::ModelFrame;
-    use crate::cli::{model_page, output_guard};
+    use crate::cli::{map_frame, model_page, output_guard};
 
     pub(in super::super) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
         if args.json.is_some() {
@@ -65,10 +66,17 @@ mod with_viewer {
         atomic::check(&args.out)?;
         let before = Instant::now();
         let sh_degree = args.sh_degree.unwrap_or(3).min(kept.sh_degree);
-        let (gaussians, cameras) = match &dataset {
-            Some(dataset) => (model.with_model(kept).in_scene(&dataset.frame), model_page::cameras(dataset)),
+        let map = map_frame::of_model(&args.model, &args.scene.frame, console);
+        let (gaussians, cameras, to_shown) = match &dataset {
+            Some(dataset) => {
+                let gaussians = model.with_model(kept).in_scene(&dataset.frame);
+                (gaussians, model_page::cameras(dataset), Similarity::to_scene(&dataset.frame))
+            }
             // Small numbers about the origin, where f32 is exact.
-            None => (Turned::new(&kept, true, None).model.gaussians, Vec::new()),
+            None => {
+                let moved = Turned::new(&kept, true, None);
+                (moved.model.gaussians, Vec::new(), moved.to_file)
+            }
         };
         let shown = Shown {
             title: &args.out.file_stem().unwrap_or_default().to_string_lossy(),
@@ -89,6 +97,9 @@ mod with_viewer {
             grouped(page.len() as u64),
             fraction(before.elapsed().as_secs_f64(), 1),
         ));
+        if placement::write_beside_page(&args.out, &to_shown.then(&shown.to_file()), map.as_ref())? {
+            tell_beside(&args.out, map.as_ref(), console);
+        }
         if dataset.is_none() {
             console.say(format_args!("with --cameras DATA the page begins at a photograph's camera, and up is known"));
         }

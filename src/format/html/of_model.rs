@@ -31,11 +31,23 @@ pub struct Shown<'a> {
 }
 
 impl Shown<'_> {
+    fn direction_up(&self) -> [f64; 3] {
+        let cameras: Vec<Camera> = self.cameras.iter().map(|(_, camera)| *camera).collect();
+        self.up.or_else(|| up_of(&cameras)).unwrap_or(UP)
+    }
+
+    fn upright(&self) -> Similarity {
+        Similarity { rotation: turn(self.direction_up(), [0.0, 1.0, 0.0]), ..Similarity::IDENTITY }
+    }
+
+    /// From the coordinates of `gaussians` to those of the model within the page, which is a SOG file.
+    pub fn to_file(&self) -> Similarity {
+        self.upright().then(&Similarity { rotation: FROM_VIEWER, ..Similarity::IDENTITY })
+    }
+
     /// The page: the model upright, looked at from the camera that sees most of it.
     pub fn html(&self) -> Result<String, EncodeError> {
-        let cameras: Vec<Camera> = self.cameras.iter().map(|(_, camera)| *camera).collect();
-        let up = self.up.or_else(|| up_of(&cameras)).unwrap_or(UP);
-        let upright = Similarity { rotation: turn(up, [0.0, 1.0, 0.0]), ..Similarity::IDENTITY };
+        let (up, upright) = (self.direction_up(), self.upright());
         let turned = |view: Viewpoint| Viewpoint {
             position: upright.point(view.position),
             target: upright.point(view.target),
@@ -45,9 +57,8 @@ impl Shown<'_> {
         let unit = up.map(|v| v / length);
         let views = viewpoints(self.gaussians, self.cameras, unit, VIEWS);
         let views: Vec<Viewpoint> = views.into_iter().map(turned).collect();
-        let in_file = upright.then(&Similarity { rotation: FROM_VIEWER, ..Similarity::IDENTITY });
         let model = Model {
-            gaussians: in_file.gaussians(self.gaussians),
+            gaussians: self.to_file().gaussians(self.gaussians),
             sh_degree: self.sh_degree,
             antialias: Some(self.antialias),
             ..Model::default()

@@ -50,19 +50,31 @@ impl Turned {
     /// Writes the file beside a model, or removes an old one where dataset and file have the same coordinates or the
     /// model's file holds the shift (`holds_shift`), and no map is known. The result says whether there is one.
     pub fn write_beside(&self, file: &Path, holds_shift: bool, map: Option<&MapFrame>) -> Result<bool, Error> {
-        let beside = file_beside(file);
         let told = holds_shift && self.to_file.rotation == Similarity::IDENTITY.rotation;
         // Readers add the shift that the model's file holds, and then go by the matrix.
         let matrix = if told { Similarity::IDENTITY } else { self.to_file };
-        let Some(text) = text(&matrix, &self.to_file, map) else {
-            return match std::fs::remove_file(&beside) {
-                Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(&beside, "remove")(e)),
-                _ => Ok(false),
-            };
-        };
-        atomic::write(&beside, |out| writeln!(out, "{text:#}"))?;
-        Ok(true)
+        put(file, text(&matrix, &self.to_file, map))
     }
+}
+
+/// Writes the file beside a page that shows a model, which no program reads again: only where a map is known is there
+/// something to say, else an old file is removed. `to_page` leads from dataset coordinates to those of the model within
+/// the page. The result says whether there is a file.
+pub fn write_beside_page(page: &Path, to_page: &Similarity, map: Option<&MapFrame>) -> Result<bool, Error> {
+    put(page, map.and_then(|map| text(to_page, to_page, Some(map))))
+}
+
+/// Writes the file beside a model, or removes an old one.
+fn put(model: &Path, text: Option<serde_json::Value>) -> Result<bool, Error> {
+    let beside = file_beside(model);
+    let Some(text) = text else {
+        return match std::fs::remove_file(&beside) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(&beside, "remove")(e)),
+            _ => Ok(false),
+        };
+    };
+    atomic::write(&beside, |out| writeln!(out, "{text:#}"))?;
+    Ok(true)
 }
 
 /// The content of the file beside a model; `None` where there is nothing to say.
