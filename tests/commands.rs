@@ -3,6 +3,8 @@
 // Nothing of a test binary is reachable from outside.
 #![allow(unreachable_pub)]
 
+#[path = "commands/aligned.rs"]
+mod aligned;
 #[path = "commands/bad_data.rs"]
 mod bad_data;
 #[path = "commands/blocks_run.rs"]
@@ -23,6 +25,8 @@ mod fronts;
 mod full_disk;
 #[path = "commands/kills.rs"]
 mod kills;
+#[path = "commands/large_map.rs"]
+mod large_map;
 #[path = "commands/levels.rs"]
 mod levels;
 #[path = "commands/lidar.rs"]

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use psrgs_vk::format::georaster::GeoRaster;
 use psrgs_vk::format::ply;
 use psrgs_vk::scene::{Frame, Gaussians};
 
@@ -10,7 +11,7 @@ use crate::run::{Shared, copy_folder, fails, shared, text, works};
 use crate::viewing::json;
 
 /// The cameras of a dataset without its photographs, so that nothing says where it lies.
-fn cameras(shared: &Shared, folder: &Path) -> PathBuf {
+pub fn cameras(shared: &Shared, folder: &Path) -> PathBuf {
     let to = folder.join("cameras");
     copy_folder(&shared.data().join("sparse"), &to.join("sparse"));
     to
@@ -69,7 +70,7 @@ fn a_map_has_its_files_and_their_numbers() {
     assert_eq!(left.len(), 8, "{left:?}");
 }
 
-/// Bounds far from everything: a map without data, and a warning.
+/// Bounds far from everything, where a map has no data and a warning, and splats that no photograph sees.
 #[test]
 fn cells_that_no_photograph_sees_have_no_data() {
     let Some(shared) = shared() else { return };
@@ -84,6 +85,24 @@ fn cells_that_no_photograph_sees_have_no_data() {
     assert!(about["expected_error"].is_null());
     let picture = image::open(out.join("orthophoto.png")).expect("a PNG").to_rgba8();
     assert!(picture.pixels().all(|pixel| pixel.0 == [0; 4]));
+    // A floor that splats show and no photograph: 200 m beside the scene.
+    let mut floor = Gaussians::zeros(400);
+    for k in 0..400 {
+        let at = |k: usize| k as f32 - 9.5;
+        floor.means[3 * k..3 * k + 3].copy_from_slice(&[200.0 + at(k % 20), at(k / 20), 0.0]);
+        floor.quats[4 * k] = 1.0;
+        floor.opacities[k] = 6.0;
+    }
+    let file = folder.path().join("floor.ply");
+    ply::save(&file, &floor, &Frame::IDENTITY, false).expect("written");
+    let args = ["map", text(&file), "--cameras", text(&data), "--out", text(&out), "--gsd", "1"];
+    works(&[&args[..], &["--bounds", "195,-5,205,5"]].concat());
+    let about = json(&out.join("map.json"));
+    assert_eq!((about["opaque"].as_u64(), about["with_data"].as_u64()), (Some(100), Some(0)), "{about}");
+    let picture = image::open(out.join("orthophoto.png")).expect("a PNG").to_rgba8();
+    assert!(picture.pixels().all(|pixel| pixel.0 == [0; 4]), "colour where no photograph looks");
+    let heights = GeoRaster::read(&out.join("dsm.tif")).expect("heights").values;
+    assert!(heights.iter().all(|v| v.is_nan()), "{heights:?}");
 }
 
 #[test]
