@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context as _;
-use psrgs_vk::format::{FrameFile, atomic};
-use psrgs_vk::geodesy::Georeference;
+use psrgs_vk::format::atomic;
 use psrgs_vk::lod::{Content, StreamedSog, TileSet, Tree};
 use psrgs_vk::numbers::{counted, fraction};
 use psrgs_vk::scene::Similarity;
@@ -13,6 +12,7 @@ use psrgs_vk::scene::Similarity;
 use super::console::Console;
 use super::exit::Failure;
 use super::look_args::StrictArgs;
+use super::map_frame;
 use super::model_file::ModelFile;
 use super::model_frame::{FrameArgs, ModelFrame};
 
@@ -114,7 +114,7 @@ fn sog(args: &Args, model: &ModelFile, sh_degree: u32, console: &Console) -> any
     Ok(())
 }
 
-/// The way from the model's coordinates to the axes of the Earth about the middle of its splats, where `frame.json`
+/// The way from the model's coordinates to the axes of the Earth about the middle of its splats, where a file
 /// beside the model tells the place.
 fn place(file: &Path, model: &ModelFile, console: &Console) -> anyhow::Result<Option<Similarity>> {
     let content = model.model();
@@ -122,19 +122,17 @@ fn place(file: &Path, model: &ModelFile, console: &Console) -> anyhow::Result<Op
         ModelFrame::Dataset { offset, .. } => Similarity { translation: *offset, ..Similarity::IDENTITY },
         ModelFrame::Other { to_dataset, .. } => to_dataset.after_shift(content.shift),
     };
-    let Some(FrameFile { map: Some(map), coordinates, .. }) = FrameFile::beside(file)? else {
+    let Some((georeference, by)) = map_frame::georeference(file)? else {
         console.say(format_args!(
             "place: none is known, so the tiles keep the model's coordinates, with -y of the model up"
         ));
         return Ok(None);
     };
-    let failed = |problem| Failure::Input(format!("{}: frame.json beside it: {problem}", file.display()));
-    let georeference = Georeference::of_record(&map, coordinates.as_ref()).map_err(failed)?;
     let n = content.gaussians.len() as f64;
     let mean = |k: usize| content.gaussians.means.iter().skip(k).step_by(3).map(|v| f64::from(*v)).sum::<f64>() / n;
     let middle = to_dataset.point([mean(0), mean(1), mean(2)]);
     let to_earth = georeference.to_earth_at(middle).map(|to_earth| to_dataset.then(&to_earth));
     let system = georeference.system().map(ToString::to_string).unwrap_or_default();
-    console.say(format_args!("place: on the globe, by frame.json beside the model ({system})"));
+    console.say(format_args!("place: on the globe, by {} ({system})", by.display()));
     Ok(to_earth)
 }

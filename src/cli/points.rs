@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use psrgs_vk::dataset::{Dataset, LoadOptions, Split};
-use psrgs_vk::format::{FrameFile, atomic, las};
+use psrgs_vk::format::{atomic, las};
 use psrgs_vk::geodesy::Georeference;
 use psrgs_vk::map::{SplatPoints, StereoPoints, steps};
 use psrgs_vk::numbers::{counted, fraction, grouped};
@@ -18,7 +18,7 @@ use super::geo_args::{self, GeoArgs};
 use super::look_args::StrictArgs;
 use super::model_file::ModelFile;
 use super::model_frame::{FrameArgs, ModelFrame};
-use super::{device, output_guard, stereo};
+use super::{device, map_frame, output_guard, stereo};
 
 /// Positions that decide the steps of coordinates.
 const SAMPLE: usize = 100_000;
@@ -162,29 +162,23 @@ fn keep_out(out: &Path, dataset: &Dataset) -> Result<(), Failure> {
     }
 }
 
-/// The place that `frame.json` beside a model names.
+/// The place that a file beside a model names.
 fn beside(file: &Path, args: &Args, console: &Console) -> anyhow::Result<Georeference> {
     if args.geo.crs.is_some() || args.geo.gcp.is_some() {
         let text = "--crs and --gcp need the dataset: add --cameras DATA".to_owned();
         return Err(Failure::Usage(text).into());
     }
-    let known = match FrameFile::beside(file)? {
-        Some(FrameFile { map: Some(map), coordinates, .. }) => {
-            let failed = |problem| Failure::Input(format!("{}: frame.json beside it: {problem}", file.display()));
-            Some(Georeference::of_record(&map, coordinates.as_ref()).map_err(failed)?)
-        }
-        _ => None,
-    };
+    let known = map_frame::georeference(file)?;
     match &known {
-        Some(found) => {
+        Some((found, by)) => {
             let system = found.system().map(ToString::to_string).unwrap_or_default();
-            console.say(format_args!("map: {system}, by frame.json beside the model"));
+            console.say(format_args!("map: {system}, by {}", by.display()));
         }
         None => {
             console.say(format_args!("map: none is known, so the coordinates are the dataset's; else --cameras DATA"))
         }
     }
-    Ok(known.unwrap_or_else(Georeference::local))
+    Ok(known.map_or_else(Georeference::local, |(found, _)| found))
 }
 
 fn write(

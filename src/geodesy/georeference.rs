@@ -104,11 +104,24 @@ impl Georeference {
                     None => Self::on_plane(tangent, &by, system),
                 }
             }
-            (None, None) => Err(Error::Unplaced),
+            (None, None) => Self::of_shift(record, system),
         }?;
         let word = |(_, word): &&(KnownFrom, &str)| *word == record.known_from;
         let from = KnownFrom::ALL.iter().find(word).map_or(KnownFrom::Dataset, |(from, _)| *from);
         Ok(found.known_by(from))
+    }
+
+    /// A grid that is the map's own, without the dataset's coordinates: these are easting and northing less an offset.
+    fn of_shift(record: &MapFrame, system: Option<ReferenceSystem>) -> Result<Self, Error> {
+        let [a, b, c, _] = record.dataset_to_map;
+        match Similarity::from_rows(&[a, b, c]) {
+            Ok(way) if way == (Similarity { translation: way.translation, ..Similarity::IDENTITY }) => {
+                let [east, north, _] = way.translation;
+                let lift = Lift::Offset([east, north]);
+                Self { lift, system, known_from: KnownFrom::Dataset, fitted: None }.checked([0.0; 3])
+            }
+            _ => Err(Error::Unplaced),
+        }
     }
 
     /// By a similarity from the dataset to the plane that touches the Earth.

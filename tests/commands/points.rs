@@ -65,6 +65,17 @@ fn points_lie_on_the_map_that_frame_json_names() {
     // 45 N 11 E is at 657630.64 E, 4984896.17 N (pyproj); the scene has a few dozen metres.
     let near = |p: &[f64; 3]| (p[0] - 657_630.6).abs() < 200.0 && (p[1] - 4_984_896.2).abs() < 200.0;
     assert!(points.iter().filter(|p| near(p)).count() > points.len() * 9 / 10, "{:?}", points.first());
+    // An export is turned, and the file beside it leads back to the dataset and on to the map.
+    let turned = folder.path().join("turned.glb");
+    works(&["export", text(&model), "--out", text(&turned), "--center", "--up", "z"]);
+    fs::remove_file(folder.path().join("frame.json")).expect("removed");
+    let again = folder.path().join("b.laz");
+    let said = works(&["points", text(&turned), "--keep-opacity", "0", "--out", text(&again)]);
+    assert!(said.contains("UTM zone 32N") && said.contains("turned.glb.frame.json"), "{said}");
+    let middle =
+        |points: &[[f64; 3]]| [0, 1, 2].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / points.len() as f64);
+    let (got, want) = (middle(&las::read(&again).expect("a file")), middle(&points));
+    assert!((0..3).all(|k| (got[k] - want[k]).abs() < 0.01), "{got:?} {want:?}");
     let needs = ["--crs", "--cameras"];
     fails(&["points", text(&model), "--crs", "EPSG:25832", "--out", text(&out)], 2, &needs);
 }
@@ -76,6 +87,16 @@ fn stereo_becomes_points_with_an_error() {
     let out = folder.path().join("stereo.las");
     works(&["points", "--stereo", text(&shared.data()), "--max-side", "64", "--out", text(&out), "-q"]);
     assert!(las::read(&out).expect("a file").len() > 100);
+    // The error is the last of the extra values. Photographs of 64 pixels are taken from some 60 m.
+    let mut reader = ::las::Reader::from_path(&out).expect("a LAS file");
+    let error = |point: ::las::Point| {
+        let bytes = point.extra_bytes.last_chunk::<4>().copied().expect("extra values");
+        f32::from_le_bytes(bytes)
+    };
+    let mut errors: Vec<f32> = reader.points().map(|point| error(point.expect("a point"))).collect();
+    errors.sort_by(f32::total_cmp);
+    let middle = errors[errors.len() / 2];
+    assert!(errors[0] > 0.0 && (0.02..10.0).contains(&middle), "{} to {middle}", errors[0]);
 }
 
 #[test]

@@ -231,3 +231,16 @@ fn record_holds_the_matrix_about_its_point() {
     near(at.unwrap().point(record.at), found.to_map(record.at), 1e-6, "matrix");
     assert!(Georeference::local().record([0.0; 3]).is_none());
 }
+
+/// An exported model has the record beside it, and not the dataset's grid.
+#[test]
+fn record_of_a_grid_suffices_where_the_map_is_the_grid() {
+    let grid = Coordinates::grid("WGS84 UTM 32N", None, [500_000.0, 5_200_000.0]);
+    let found = Georeference::of_coordinates(&grid, None).unwrap();
+    let record = found.record([10.0, 20.0, 30.0]).unwrap();
+    let again = Georeference::of_record(&record, None).unwrap();
+    near(again.to_map([1.5, -2.0, 3.0]), [500_001.5, 5_199_998.0, 3.0], 1e-6, "the grid");
+    let other = Georeference::of_coordinates(&grid, Some(ReferenceSystem::epsg(32_633).unwrap())).unwrap();
+    let record = other.record([10.0, 20.0, 30.0]).unwrap();
+    assert!(matches!(Georeference::of_record(&record, None), Err(Error::Unplaced)));
+}
