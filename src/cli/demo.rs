@@ -33,7 +33,7 @@ vehicles, masts, wires, text, repeats, plain, water.
 
 Written to DIR: images/, with positions in EXIF, and sparse/0/; ground control points in gcp_list.txt, and the true \
 place on a map in frame.json; the truth for undistorted pictures in depth/, normal/ and clean/; offpath/ \
-with views from elsewhere; the true map in truth/: dsm.tif, orthophoto.tif, classes.tif; lidar.las, lidar.ply, surface.ply; world.toml with every parameter; and trained/.")]
+with views from elsewhere; the true map in truth/: dsm.tif, dtm.tif, orthophoto.tif, classes.tif; lidar.las, lidar.ply, surface.ply; world.toml with every parameter; and trained/.")]
 pub(crate) struct Args {
     /// Folder for the scene; the trained model goes to DIR/trained
     #[arg(long, value_name = "DIR", default_value = "demo-out")]

@@ -127,7 +127,9 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
         Some(judge) => {
             let files = [products::SURFACE, products::ORTHOPHOTO, products::QUALITY];
             let cells = u64::from(about.width) * u64::from(about.height);
-            let map = WrittenMap { folder: &args.out, files, cells, data: &args.cameras, georeference: &georeference };
+            let terrain = args.dtm.then_some(products::TERRAIN);
+            let (folder, data, georeference) = (args.out.as_path(), args.cameras.as_path(), &georeference);
+            let map = WrittenMap { folder, files, terrain, cells, data, georeference };
             judge.judge(&map, args.check.check_stereo.then_some((&gpu, &args.host)), console)
         }
         None => Ok(()),

@@ -31,8 +31,8 @@ const STEREO_SIDE: u32 = 640;
 #[command(next_help_heading = "Accuracy")]
 pub(crate) struct CheckArgs {
     /// Compare the map with this file, in the map's reference system, and write accuracy.json: a surface model
-    /// (GeoTIFF), a point cloud (LAS, LAZ, PLY), or check points (CSV of name, easting, northing, height; gcp_list.txt)
-    /// [default: the truth where the dataset is a world of `demo`]
+    /// (GeoTIFF), a point cloud (LAS, LAZ, PLY), or check points (CSV of name, easting, northing, height; gcp_list.txt).
+    /// With --dtm the terrain is compared with the same file [default: the truth where the dataset is a world of `demo`]
     #[arg(long, value_name = "FILE")]
     pub(crate) check: Option<PathBuf>,
     /// Also compare the cloud of stereo, on the same cells; this takes as long as stereo of a training
@@ -46,6 +46,8 @@ pub(crate) struct WrittenMap<'a> {
     pub(crate) folder: &'a Path,
     /// Names of the surface model, the orthophoto and the quality layer.
     pub(crate) files: [&'a str; 3],
+    /// Name of the terrain model, if one was made.
+    pub(crate) terrain: Option<&'a str>,
     /// How many cells it has.
     pub(crate) cells: u64,
     /// The dataset.
@@ -61,6 +63,8 @@ struct Layers {
     heights: Vec<f32>,
     picture: Vec<f32>,
     seen: Vec<u16>,
+    /// Heights of the terrain model, where one was made.
+    terrain: Option<Vec<f32>>,
 }
 
 /// What a map is compared with.
@@ -127,7 +131,9 @@ impl Judge {
         let known = match self.against {
             Against::Points(points) => {
                 let errors = at_points(cells, corner, &layers.heights, &points.places);
-                let report = PointReport { reference: self.name, gsd: cells.gsd, names: points.names, points: errors };
+                let terrain = layers.terrain.as_ref().map(|heights| at_points(cells, corner, heights, &points.places));
+                let (reference, names) = (self.name, points.names);
+                let report = PointReport { reference, gsd: cells.gsd, names, points: errors, terrain };
                 report.lines().iter().for_each(|line| console.say(line));
                 return write(&out, &report);
             }
@@ -137,7 +143,10 @@ impl Judge {
         };
         let cloud = stereo.map(|(gpu, host)| stereo_heights(map, &layers, gpu, host, console)).transpose()?;
         let surface = Surface { heights: &layers.heights, picture: Some(&layers.picture), seen: Some(&layers.seen) };
-        let report = Report::of(self.name, cells, &known, &surface, cloud.as_deref());
+        let mut report = Report::of(self.name, cells, &known, &surface, cloud.as_deref());
+        if let Some(terrain) = &layers.terrain {
+            report = report.with_terrain(&known, terrain, Some(&layers.seen));
+        }
         report.lines().iter().for_each(|line| console.say(line));
         report.warnings().iter().for_each(|line| console.warn(line));
         write(&out, &report)
@@ -183,7 +192,8 @@ impl Layers {
         let cells = Cells { width: surface.width, height: surface.height, gsd: surface.pixel[0] };
         let count = |values: &[f32]| values.first().filter(|v| v.is_finite()).map_or(0, |v| *v as u16);
         let seen = quality.values.chunks_exact(quality.bands).map(count).collect();
-        Some(Self { cells, corner: surface.corner, heights: surface.values, picture, seen })
+        let terrain = map.terrain.and_then(read).map(|raster| raster.values);
+        Some(Self { cells, corner: surface.corner, heights: surface.values, picture, seen, terrain })
     }
 }
 

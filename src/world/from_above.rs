@@ -25,6 +25,18 @@ pub struct FromAbove {
     pub picture: RgbImage,
 }
 
+impl FromAbove {
+    /// Height of the ground at the middle of a cell, which lies at x and y of the world: without what stands on the
+    /// ground, and the surface of water; NaN beyond the ground.
+    pub fn ground(&self, world: &World, cell: usize, [x, y]: [f64; 2]) -> f32 {
+        match self.classes[cell] {
+            None => f32::NAN,
+            Some(Class::Water) => self.heights[cell],
+            Some(_) => world.terrain().height(x, y) as f32,
+        }
+    }
+}
+
 impl World {
     /// Looks straight down at each cell of a grid. `place` leads from a column and a row, 0.5 in the middle of the first
     /// cell, to x and y of the world.

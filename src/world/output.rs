@@ -77,7 +77,7 @@ pub struct Summary {
 ///   `clean/NAME.png`, without noise and with the nominal exposure;
 /// - `offpath/`: `images/`, `sparse/0/` (without points), `depth/` and `normal/` of views from other positions,
 ///   without noise;
-/// - `truth/`: `dsm.tif`, `orthophoto.tif` and `classes.tif`, the true map of the site;
+/// - `truth/`: `dsm.tif`, `dtm.tif`, `orthophoto.tif` and `classes.tif`, the true map of the site;
 /// - `lidar.las`, `lidar.ply` and `surface.ply`;
 /// - `world.toml` with every parameter.
 ///

@@ -1,4 +1,4 @@
-//! The true map of a world: a surface model, an orthophoto and classes as GeoTIFF.
+//! The true map of a world: a surface model, a terrain model, an orthophoto and classes as GeoTIFF.
 
 use std::path::Path;
 
@@ -6,8 +6,8 @@ use super::{Class, FromAbove, World, WorldError};
 use crate::format::geotiff::{GeoKeys, Kind, NO_DATA, Picture, Samples, System, TILE, Writer};
 use crate::geodesy::Georeference;
 
-/// Names of the files: heights, colours, and the classes of the LAS format.
-pub(super) const FILES: [&str; 3] = ["dsm.tif", "orthophoto.tif", "classes.tif"];
+/// Names of the files: heights, heights of the ground, colours, and the classes of the LAS format.
+pub(super) const FILES: [&str; 4] = ["dsm.tif", "dtm.tif", "orthophoto.tif", "classes.tif"];
 
 /// Cells of a map: lines lie at multiples of their side.
 struct Cells {
@@ -75,9 +75,10 @@ impl World {
             };
             Writer::new(&folder.join(name), picture)
         };
-        let [heights, colours, classes] = FILES;
+        let [heights, ground, colours, classes] = FILES;
         let mut files = [
             begin(heights, Kind::Float(1), "true height in metres")?,
+            begin(ground, Kind::Float(1), "true height of the ground in metres")?,
             begin(colours, Kind::Rgba8, "")?,
             begin(classes, Kind::Gray8, "class as in LAS: 2 ground, 6 building")?,
         ];
@@ -91,11 +92,13 @@ impl World {
             };
             let (width, height) = ((cells.width - x * TILE).min(TILE), (cells.height - y * TILE).min(TILE));
             let seen = self.from_above((width, height), place);
+            let middle = |k: usize| place((k % width as usize) as f64 + 0.5, (k / width as usize) as f64 + 0.5);
             let up = |k: usize, z: f32| {
-                let [x, y] = place((k % width as usize) as f64 + 0.5, (k / width as usize) as f64 + 0.5);
+                let [x, y] = middle(k);
                 way.to_map([x, y, f64::from(z)])[2] as f32
             };
-            for (file, samples) in files.iter_mut().zip(samples(&seen, up)) {
+            let ground = |k: usize| up(k, seen.ground(self, k, middle(k)));
+            for (file, samples) in files.iter_mut().zip(samples(&seen, up, ground)) {
                 file.add(vec![((x, y), samples)])?;
             }
         }
@@ -107,17 +110,19 @@ impl World {
 }
 
 /// The samples of a tile in each of the files.
-fn samples(seen: &FromAbove, up: impl Fn(usize, f32) -> f32) -> [Samples; 3] {
+fn samples(seen: &FromAbove, up: impl Fn(usize, f32) -> f32, ground: impl Fn(usize) -> f32) -> [Samples; 4] {
     let (side, width) = (TILE as usize, seen.width as usize);
     let mut heights = vec![NO_DATA; side * side];
+    let mut grounds = heights.clone();
     let (mut colours, mut classes) = (vec![0; 4 * side * side], vec![0; side * side]);
     for (k, class) in seen.classes.iter().enumerate() {
         let Some(class) = *class else { continue };
         let at = k / width * side + k % width;
         heights[at] = up(k, seen.heights[k]);
+        grounds[at] = ground(k);
         let [r, g, b] = seen.picture.get_pixel((k % width) as u32, (k / width) as u32).0;
         colours[4 * at..4 * at + 4].copy_from_slice(&[r, g, b, 255]);
         classes[at] = Class::code(class);
     }
-    [Samples::Floats(heights), Samples::Bytes(colours), Samples::Bytes(classes)]
+    [Samples::Floats(heights), Samples::Floats(grounds), Samples::Bytes(colours), Samples::Bytes(classes)]
 }

@@ -19,7 +19,7 @@ fn a_map_of_a_world_tells_its_accuracy() {
     let Some(shared) = shared() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (model, data, out) = (shared.model(), shared.data(), folder.path().join("map"));
-    let said = mapped(&model, &data, &out, &["--check-stereo"]);
+    let said = mapped(&model, &data, &out, &["--check-stereo", "--dtm"]);
     let told = json(&out.join("accuracy.json"));
     assert!(said.contains("accuracy against the made-up world itself") && said.contains("stereo: "), "{said}");
     assert_eq!(told["gsd"], 1.0);
@@ -31,6 +31,11 @@ fn a_map_of_a_world_tells_its_accuracy() {
         assert!((0.0..=1.0).contains(&of("/completeness/complete")), "{told}");
         assert!(of("/whole/tilt_degrees") < 90.0, "{told}");
     }
+    let of = |at: &str| number(&format!("/terrain/{at}"));
+    assert_eq!(of("vertical/count"), of("open/count") + of("covered/count"), "{told}");
+    assert!(of("vertical/count") > number("/map/vertical/count") && of("covered/rmse") > 0.0, "{told}");
+    assert!((0.0..=1.0).contains(&of("completeness/complete")), "{told}");
+    assert!(said.contains("terrain: vertical, covered: RMSE") && said.contains("terrain: complete"), "{said}");
     let common = told["on_common_cells"].as_array().expect("both");
     assert_eq!(common[0]["count"], common[1]["count"]);
 
@@ -40,18 +45,26 @@ fn a_map_of_a_world_tells_its_accuracy() {
     mapped(&model, &data, &again, &["--check", text(&truth)]);
     let other = json(&again.join("accuracy.json"));
     assert!(other["reference"].as_str().is_some_and(|name| name.ends_with("dsm.tif")) && other["stereo"].is_null());
+    assert!(other["terrain"].is_null(), "no terrain was made");
     let medians =
         [&told, &other].map(|t| t.pointer("/map/vertical/median").and_then(|v| v.as_f64()).expect("a number"));
     assert!((medians[0] - medians[1]).abs() < 1.0, "{medians:?}");
 
-    // Control points of the world as check points.
+    // Control points of the world as check points, and its true ground.
+    let bare = folder.path().join("bare");
+    mapped(&model, &data, &bare, &["--dtm", "--check", text(&data.join("truth/dtm.tif"))]);
+    let other = json(&bare.join("accuracy.json"));
+    let off = |told: &serde_json::Value| told.pointer("/terrain/vertical/rmse").and_then(|v| v.as_f64());
+    let (off, known) = (off(&other).expect("a number"), off(&told).expect("a number"));
+    assert!((off - known).abs() < 0.2 * known, "{off} {known}");
     let points = data.join("gcp_list.txt");
     let third = folder.path().join("third");
-    let said = mapped(&model, &data, &third, &["--check", text(&points)]);
+    let said = mapped(&model, &data, &third, &["--dtm", "--check", text(&points)]);
     let found = json(&third.join("accuracy.json"));
     let names = found["names"].as_array().expect("names").len();
     assert!(names > 2 && found["points"]["each"].as_array().map(Vec::len) == Some(names), "{found}");
-    assert!(said.contains("check points of"), "{said}");
+    assert!(said.contains("accuracy at") && said.contains("terrain at") && said.contains("check points of"), "{said}");
+    assert_eq!(found["terrain"]["each"].as_array().map(Vec::len), Some(names), "{found}");
 }
 
 #[test]

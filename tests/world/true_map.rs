@@ -14,10 +14,11 @@ fn the_true_map_has_the_heights_and_classes_of_the_world() {
     let world = World::new(&params).unwrap();
     let way = world.georeference().unwrap();
     let read = |name: &str| GeoRaster::read(&dir.path().join("truth").join(name)).unwrap();
-    let [heights, colours, classes] = ["dsm.tif", "orthophoto.tif", "classes.tif"].map(read);
+    let [heights, bares, colours, classes] = ["dsm.tif", "dtm.tif", "orthophoto.tif", "classes.tif"].map(read);
     let gsd = heights.pixel[0];
     assert_eq!([heights.epsg, colours.epsg, classes.epsg], [Some(32_632); 3]);
     assert_eq!((heights.pixel, heights.corner), (colours.pixel, colours.corner));
+    assert_eq!((heights.pixel, heights.corner), (bares.pixel, bares.corner));
     assert!(heights.width as f64 * gsd >= params.extent && (heights.width as f64 - 3.0) * gsd < 1.1 * params.extent);
     // Lines lie at multiples of the cell's side.
     let along = heights.corner.map(|v| v / gsd);
@@ -28,6 +29,9 @@ fn the_true_map_has_the_heights_and_classes_of_the_world() {
         let level = way.to_map([0.0; 3])[2];
         let [x, y, _] = way.to_dataset([heights.corner[0] + gsd * column, heights.corner[1] - gsd * row, level]);
         let bare = way.to_map([x, y, world.terrain().height(x, y)])[2];
+        // The ground of water is the water's surface.
+        let on_ground = if classes.values[k] as u8 == 9 { heights.values[k] } else { bare as f32 };
+        assert!((bares.values[k] - on_ground).abs() < 2e-3, "{} is not {on_ground}", bares.values[k]);
         match classes.values[k] as u8 {
             2 => {
                 assert!((f64::from(heights.values[k]) - bare).abs() < 2e-3, "{} is not {bare}", heights.values[k]);

@@ -1,6 +1,6 @@
 //! What is known better than a map, on the map's cells.
 
-use super::{Cells, Kind, Reference};
+use super::{Cells, Ground, Kind, Reference};
 use crate::format::georaster::GeoRaster;
 use crate::geodesy::{Error, Georeference, ReferenceSystem};
 use crate::world::{Class, World};
@@ -12,6 +12,8 @@ const BRIGHTNESS: [f32; 3] = [0.299, 0.587, 0.114];
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Known {
     heights: Vec<f32>,
+    /// Heights of the ground, where they are known apart from those of what stands on the ground.
+    ground: Option<Vec<f32>>,
     kinds: Option<Vec<Kind>>,
     picture: Option<Vec<f32>>,
 }
@@ -19,7 +21,7 @@ pub struct Known {
 impl Known {
     /// Heights alone; all count as ground.
     pub fn of_heights(heights: Vec<f32>) -> Self {
-        Self { heights, kinds: None, picture: None }
+        Self { heights, ..Self::default() }
     }
 
     /// The truth of a made-up world. `corner` is the north-western corner of the first cell on a map in `system`, or in
@@ -49,10 +51,12 @@ impl Known {
             [0, 1].map(|k| first[k] + u * (right[k] - first[k]) + v * (down[k] - first[k]))
         };
         let seen = world.from_above((cells.width as u32, cells.height as u32), place);
+        let middle = |k: usize| place((k % cells.width) as f64 + 0.5, (k / cells.width) as f64 + 0.5);
         let up = |(k, z): (usize, &f32)| {
-            let [x, y] = place((k % cells.width) as f64 + 0.5, (k / cells.width) as f64 + 0.5);
+            let [x, y] = middle(k);
             way.to_map([x, y, f64::from(*z)])[2] as f32
         };
+        let ground: Vec<f32> = (0..seen.heights.len()).map(|k| seen.ground(world, k, middle(k))).collect();
         let kind = |class: &Option<Class>| match class {
             Some(Class::Ground) => Kind::Ground,
             Some(Class::Building) => Kind::Roof,
@@ -65,6 +69,7 @@ impl Known {
         });
         Ok(Self {
             heights: seen.heights.iter().enumerate().map(up).collect(),
+            ground: Some(ground.iter().enumerate().map(up).collect()),
             kinds: Some(seen.classes.iter().map(kind).collect()),
             picture: Some(picture.collect()),
         })
@@ -77,6 +82,11 @@ impl Known {
             raster.at(0, [corner[0] + cells.gsd * column, corner[1] - cells.gsd * row])
         };
         Self::of_heights((0..cells.width * cells.height).map(at).collect())
+    }
+
+    /// The ground, for the comparison of a terrain model. What is not known apart counts as ground.
+    pub fn ground(&self) -> Ground<'_> {
+        Ground { heights: self.ground.as_ref().unwrap_or(&self.heights), kinds: self.kinds.as_deref() }
     }
 
     /// As the comparison takes it.

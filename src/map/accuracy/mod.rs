@@ -8,6 +8,8 @@
 //!   ground sample distances of the reference. Nothing is filled in.
 //! - **Planimetric.** Shifts of patches of the orthophoto against an orthophoto of the reference. Which patches are
 //!   compared is decided by the texture of the reference alone.
+//! - **Terrain.** Every cell with a height of the ground in the reference, nothing masked: on open ground, and where
+//!   something stands on the ground.
 //! - **The whole**: the plane that fits the vertical errors best in the mean of absolute values, and the median of the
 //!   patches' shifts.
 
@@ -19,6 +21,7 @@ mod plane;
 mod points;
 mod report;
 mod steps;
+mod terrain;
 
 pub use check_points::CheckPoints;
 pub use gridded::gridded;
@@ -28,6 +31,7 @@ pub use plane::{Plane, plane};
 pub use points::{PointErrors, at_points};
 pub use report::{FILE, PointReport, Report};
 pub use steps::{Mask, mask};
+pub use terrain::{Ground, Terrain};
 
 use serde::Serialize;
 
@@ -134,6 +138,17 @@ pub struct Completeness {
     pub complete: f64,
 }
 
+impl Completeness {
+    /// Of the cells `asked` for, whose errors `error` gives; not a number where the map has no height.
+    fn of(asked: &[usize], gsd: f64, error: impl Fn(usize) -> f64) -> Self {
+        let share = |good: &dyn Fn(f64) -> bool| {
+            asked.iter().filter(|k| good(error(**k))).count() as f64 / asked.len().max(1) as f64
+        };
+        let complete = share(&|e| e.abs() <= COMPLETE * gsd);
+        Self { cells: asked.len(), with_height: share(&|e| e.is_finite()), complete }
+    }
+}
+
 /// Where the whole map lies against the reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Whole {
@@ -166,6 +181,11 @@ pub struct Accuracy {
     pub whole: Whole,
 }
 
+/// Whether completeness is asked at a cell.
+fn is_seen(seen: Option<&[u16]>, cell: usize) -> bool {
+    seen.is_none_or(|seen| seen[cell] >= SEEN_BY)
+}
+
 /// Compares a map with a reference on the masked cells. All slices have a value for each cell.
 pub fn assess(cells: Cells, reference: &Reference<'_>, mask: &Mask, map: &Surface<'_>) -> Accuracy {
     let masked = |k: &usize| mask.kinds[*k].is_some();
@@ -175,11 +195,8 @@ pub fn assess(cells: Cells, reference: &Reference<'_>, mask: &Mask, map: &Surfac
         valid.iter().filter(|k| mask.kinds[**k] == Some(kind)).map(|k| error(*k)).collect()
     };
     let errors: Vec<f64> = valid.iter().map(|k| error(*k)).collect();
-    let seen = |k: &usize| map.seen.is_none_or(|seen| seen[*k] >= SEEN_BY);
+    let seen = |k: &usize| is_seen(map.seen, *k);
     let asked: Vec<usize> = (0..mask.kinds.len()).filter(masked).filter(seen).collect();
-    let share = |good: &dyn Fn(f64) -> bool| {
-        asked.iter().filter(|k| good(error(**k))).count() as f64 / asked.len().max(1) as f64
-    };
     let planimetric = match (reference.picture, map.picture) {
         (Some(truth), Some(seen)) => {
             let of = |values| Picture { width: cells.width, height: cells.height, values };
@@ -197,11 +214,7 @@ pub fn assess(cells: Cells, reference: &Reference<'_>, mask: &Mask, map: &Surfac
         vertical: Errors::of(&errors),
         ground: Errors::of(&of(Kind::Ground)),
         roofs: Errors::of(&of(Kind::Roof)),
-        completeness: Completeness {
-            cells: asked.len(),
-            with_height: share(&|e| e.is_finite()),
-            complete: share(&|e| e.abs() <= COMPLETE * cells.gsd),
-        },
+        completeness: Completeness::of(&asked, cells.gsd, error),
         planimetric,
         whole: Whole {
             shift: planimetric.map(|p| p.median),

@@ -180,4 +180,27 @@ fn the_truth_of_a_world_lies_on_the_map() {
     assert_eq!((report.map.vertical.rmse, report.map.completeness.complete), (0.0, 1.0));
     assert!(report.map.planimetric.is_some_and(|shifts| shifts.rmse < 1e-6), "{:?}", report.map.planimetric);
     assert!(report.compared > 0.4 && report.lines().len() > 8, "{}", report.compared);
+    let bare = known.ground().heights;
+    let told = |heights: &[f32]| report.clone().with_terrain(&known, heights, None).terrain.expect("a terrain");
+    let (right, surface) = (told(bare), told(truth.heights));
+    assert_eq!((right.vertical.rmse, right.completeness.complete, right.open.count), (0.0, 1.0, ground));
+    // What stands on the ground is no ground.
+    assert!(surface.open.rmse < 1e-6 && surface.covered.rmse > 1.0, "{surface:?}");
+    assert!(surface.completeness.complete < 0.9 && surface.completeness.with_height == 1.0, "{surface:?}");
+    let lines = report.with_terrain(&known, truth.heights, None).lines();
+    assert!(lines.iter().any(|line| line.starts_with("terrain: vertical, covered: RMSE ")), "{lines:?}");
+}
+
+#[test]
+fn terrain_is_judged_in_every_cell_with_known_ground() {
+    let ground = [1.0, 1.0, 1.0, 1.0, f32::NAN, 1.0];
+    let kinds = [Kind::Ground, Kind::Ground, Kind::Roof, Kind::Other, Kind::Ground, Kind::Ground];
+    let heights = [1.1, 1.5, 3.0, f32::NAN, 9.0, 1.0];
+    let known = Ground { heights: &ground, kinds: Some(&kinds) };
+    let found = Terrain::of(GSD, &known, &heights, Some(&[2, 2, 2, 2, 2, 1]));
+    assert_eq!((found.vertical.count, found.open.count, found.covered.count), (4, 3, 1));
+    assert!((found.covered.rmse - 2.0).abs() < 1e-6 && (found.open.median - 0.1).abs() < 1e-6, "{found:?}");
+    // Of four that two photographs see, three have a height, and one is within three ground sample distances.
+    let complete = found.completeness;
+    assert_eq!((complete.cells, complete.with_height, complete.complete), (4, 0.75, 0.25));
 }
