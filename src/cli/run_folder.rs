@@ -100,10 +100,7 @@ impl RunFolder {
     pub(crate) fn begin(&self, settings: &Settings) -> anyhow::Result<()> {
         let before = if self.old.is_empty() { None } else { Some(self.file(SETTINGS)) };
         for file in before.iter().chain(&self.old) {
-            match fs::remove_file(file) {
-                Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(unwritable(file, &e)),
-                _ => {}
-            }
+            atomic::remove(file)?;
         }
         for folder in [self.path.clone(), self.file(RENDERS)] {
             atomic::remove_unfinished(&folder);
@@ -217,10 +214,6 @@ fn results(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
         found.extend(checkpoint::told_apart(&checkpoints)?.0);
     }
     Ok(found)
-}
-
-fn unwritable(path: &Path, error: &io::Error) -> anyhow::Error {
-    Failure::Output(format!("{}: {error}", path.display())).into()
 }
 
 #[cfg(test)]

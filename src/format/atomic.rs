@@ -66,6 +66,14 @@ pub fn check(file: &Path) -> Result<(), Error> {
     beside(file).map(drop)
 }
 
+/// Removes a file that may not be there.
+pub fn remove(file: &Path) -> Result<(), Error> {
+    match std::fs::remove_file(file) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(Error::io(file, "remove")(e)),
+        _ => Ok(()),
+    }
+}
+
 /// The folder of a file, and a temporary file in that folder.
 fn beside(file: &Path) -> Result<(&Path, tempfile::NamedTempFile), Error> {
     let folder = match file.parent() {

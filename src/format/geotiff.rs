@@ -218,12 +218,7 @@ impl Writer {
                 let text = format!("<PAMDataset>\n  <SRS>{escaped}</SRS>\n</PAMDataset>\n");
                 atomic::write(&beside, |out| out.write_all(text.as_bytes()))
             }
-            _ => match std::fs::remove_file(&beside) {
-                Err(problem) if problem.kind() != io::ErrorKind::NotFound => {
-                    Err(Error::io(&beside, "remove the former")(problem))
-                }
-                _ => Ok(()),
-            },
+            _ => atomic::remove(&beside),
         }
     }
 

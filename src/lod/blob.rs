@@ -45,19 +45,28 @@ pub(super) fn with_room(covariance: Symmetric, mass: f64) -> Symmetric {
     if wider.is_finite() { covariance.map(|v| v * wider) } else { covariance }
 }
 
+/// Three numbers of a splat.
+fn three(plane: &[f32], i: usize) -> DVec3 {
+    DVec3::from_array(std::array::from_fn(|k| f64::from(plane[3 * i + k])))
+}
+
+/// The covariance of a splat of a model.
+pub(super) fn covariance(g: &Gaussians, i: usize) -> Symmetric {
+    let [w, x, y, z] = std::array::from_fn(|k| f64::from(g.quats[4 * i + k]));
+    let turn = DQuat::from_xyzw(x, y, z, w);
+    let turn = if turn.length_squared() > 1e-24 { turn.normalize() } else { DQuat::IDENTITY };
+    let axes = DMat3::from_quat(turn) * DMat3::from_diagonal(three(&g.scales, i).exp());
+    let c = axes * axes.transpose();
+    [c.x_axis.x, c.x_axis.y, c.x_axis.z, c.y_axis.y, c.y_axis.z, c.z_axis.z]
+}
+
 impl Blob {
     /// A splat of a model.
     pub(super) fn of(g: &Gaussians, i: usize) -> Self {
-        let three = |plane: &[f32]| DVec3::from_array(std::array::from_fn(|k| f64::from(plane[3 * i + k])));
-        let [w, x, y, z] = std::array::from_fn(|k| f64::from(g.quats[4 * i + k]));
-        let turn = DQuat::from_xyzw(x, y, z, w);
-        let turn = if turn.length_squared() > 1e-24 { turn.normalize() } else { DQuat::IDENTITY };
-        let axes = DMat3::from_quat(turn) * DMat3::from_diagonal(three(&g.scales).exp());
-        let c = axes * axes.transpose();
-        let covariance = [c.x_axis.x, c.x_axis.y, c.x_axis.z, c.y_axis.y, c.y_axis.z, c.z_axis.z];
+        let covariance = covariance(g, i);
         let opacity = 1.0 / (1.0 + (-f64::from(g.opacities[i])).exp());
         let sh = std::array::from_fn(|k| g.sh[k / SH_GROUP_FLOATS][SH_GROUP_FLOATS * i + k % SH_GROUP_FLOATS]);
-        Self { mass: opacity * area(&covariance), mean: three(&g.means), covariance, spread: 0.0, cost: 0.0, sh }
+        Self { mass: opacity * area(&covariance), mean: three(&g.means, i), covariance, spread: 0.0, cost: 0.0, sh }
     }
 
     /// The opacity with which a splat of this shape has the mass.

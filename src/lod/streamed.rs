@@ -64,10 +64,7 @@ impl StreamedSog<'_> {
     /// folder holds no model.
     pub fn write(&self, model: &Model, most: usize) -> Result<Streamed, Error> {
         let meta = self.file();
-        match std::fs::remove_file(&meta) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::io(&meta, "remove")(e)),
-            _ => {}
-        }
+        atomic::remove(&meta)?;
         let most = most.max(1);
         let mut writer = Writer { set: self, model, most, levels: Default::default(), names: Vec::new() };
         let mut rows: Vec<u32> = (0..model.gaussians.len() as u32).collect();

@@ -2,6 +2,7 @@
 //! splats of its children, merged.
 
 use super::Splats;
+use super::blob::covariance;
 use crate::scene::Gaussians;
 
 /// Most children of a tile, and the splats of the children for each splat of the tile.
@@ -25,15 +26,9 @@ impl Bounds {
     /// The box of splats, as far as they are drawn.
     pub(super) fn of(g: &Gaussians) -> Self {
         (0..g.len()).fold(Self::EMPTY, |all, i| {
-            let [w, x, y, z] = std::array::from_fn(|k| f64::from(g.quats[4 * i + k]));
-            let turn = glam::DQuat::from_xyzw(x, y, z, w);
-            let turn = if turn.length_squared() > 0.0 { turn.normalize() } else { glam::DQuat::IDENTITY };
-            let turn = glam::DMat3::from_quat(turn).to_cols_array_2d();
-            let deviation = |k: usize| {
-                let along = |axis: usize| (turn[axis][k] * f64::from(g.scales[3 * i + axis]).exp()).powi(2);
-                (along(0) + along(1) + along(2)).sqrt().min(f64::from(f32::MAX))
-            };
-            let (mean, reach) = (|k: usize| f64::from(g.means[3 * i + k]), |k: usize| REACH * deviation(k));
+            let [xx, _, _, yy, _, zz] = covariance(g, i);
+            let deviations = [xx, yy, zz].map(|v| v.sqrt().min(f64::from(f32::MAX)));
+            let (mean, reach) = (|k: usize| f64::from(g.means[3 * i + k]), |k: usize| REACH * deviations[k]);
             let low = std::array::from_fn(|k| mean(k) - reach(k));
             all.with(&Self { low, high: std::array::from_fn(|k| mean(k) + reach(k)) })
         })

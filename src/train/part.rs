@@ -57,11 +57,7 @@ impl Part {
         let mut all = self.inside(first);
         let missing = missing(&all, &self.filling);
         for more in [&self.filling.rows(&missing), &self.background] {
-            all.means.extend(&more.means);
-            all.quats.extend(&more.quats);
-            all.scales.extend(&more.scales);
-            all.opacities.extend(&more.opacities);
-            all.sh.iter_mut().zip(&more.sh).for_each(|(all, of)| all.extend(of));
+            all.append(more);
         }
         all.ids = (0..all.len() as u32).collect();
         all

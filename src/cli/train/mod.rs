@@ -89,7 +89,7 @@ pub(crate) struct Args {
 }
 
 /// A training run.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct RunPlan {
     /// Every setting, with absolute paths.
     pub(crate) settings: Settings,
@@ -170,11 +170,8 @@ impl Args {
         let (lose_device_at, keep_no_photographs) = (self.lose_device_at, self.keep_no_photographs);
         #[cfg(not(debug_assertions))]
         let (lose_device_at, keep_no_photographs) = (None, false);
-        let overwrite = self.overwrite;
-        let resume = self.resume.is_some();
-        let view = self.view.clone();
-        let part = None;
-        Ok(RunPlan { settings, out, resume, overwrite, preset, view, part, lose_device_at, keep_no_photographs })
+        let (overwrite, resume, view) = (self.overwrite, self.resume.is_some(), self.view.clone());
+        Ok(RunPlan { settings, out, resume, overwrite, preset, view, part: None, lose_device_at, keep_no_photographs })
     }
 }
 

@@ -68,10 +68,7 @@ pub fn write_beside_page(page: &Path, to_page: &Similarity, map: Option<&MapFram
 fn put(model: &Path, text: Option<serde_json::Value>) -> Result<bool, Error> {
     let beside = file_beside(model);
     let Some(text) = text else {
-        return match std::fs::remove_file(&beside) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(&beside, "remove")(e)),
-            _ => Ok(false),
-        };
+        return atomic::remove(&beside).map(|()| false);
     };
     atomic::write(&beside, |out| writeln!(out, "{text:#}"))?;
     Ok(true)
