@@ -130,6 +130,41 @@ fn blocks_of_a_flight_have_equal_work_and_their_own_photographs() {
 }
 
 #[test]
+fn a_photograph_or_mask_that_has_changed_is_found() {
+    let Some(gpu) = common::gpu() else { return };
+    let folder = flight(&rows([20.0, 10.0], 5.0), &ground(200, [20.0, 10.0])).dataset(false);
+    let file = |name: &str| folder.path().join(name);
+    std::fs::create_dir(file("masks")).expect("a folder");
+    let [photograph, mask, new] = ["images/p0001.png", "masks/p0001.png.png", "masks/p0002.png.png"].map(file);
+    image::GrayImage::from_pixel(48, 32, image::Luma([255])).save(&mask).expect("written");
+    let load = || Dataset::load(folder.path(), &LoadOptions::default()).expect("a dataset");
+    let planned = plan(&gpu, &load(), Count::Blocks(1)).expect("a plan").file.blocks.remove(0).photographs;
+    assert!(planned.iter().any(|one| one.mask.is_some()), "the mask is not in the plan");
+    let changed = || blocks::changed_photograph(&load(), &planned).expect("files");
+    let with = |of: &Path, bytes: &[u8]| {
+        let before = std::fs::read(of).ok();
+        std::fs::write(of, bytes).expect("written");
+        let found = changed();
+        match before {
+            Some(before) => std::fs::write(of, before).expect("written"),
+            None => std::fs::remove_file(of).expect("removed"),
+        }
+        found
+    };
+    assert_eq!(changed(), None);
+    // Of equal length, so only the content tells.
+    for of in [&photograph, &mask] {
+        let mut bytes = std::fs::read(of).expect("a file");
+        *bytes.last_mut().expect("a byte") ^= 1;
+        assert_eq!(with(of, &bytes).as_ref(), Some(of));
+    }
+    assert_eq!(with(&new, &std::fs::read(&mask).expect("a mask")).as_ref(), Some(&new));
+    std::fs::remove_file(&mask).expect("removed");
+    assert_eq!(changed(), Some(mask));
+    assert_eq!(blocks::changed_photograph(&load(), &[]).expect("files"), None);
+}
+
+#[test]
 fn the_same_dataset_gives_the_same_plan() {
     let Some(gpu) = common::gpu() else { return };
     let sides = [30.0, 20.0];
@@ -191,7 +226,7 @@ fn cameras_in_one_place_and_points_in_one_place_are_planned() {
     let two: Vec<[f64; 3]> = (0..60).map(|k| [f64::from(k % 2), 0.0, 0.0]).collect();
     let few = plan(&gpu, &scene(&flight(&rows([3.0, 3.0], 1.0), &two)).dataset, Count::Blocks(9));
     match few {
-        Ok(few) => assert!(few.file.blocks.len() <= 9),
+        Ok(few) => assert!(few.file.blocks.len() <= 2, "{few:?}"),
         Err(error) => assert!(error.to_string().contains("no photograph"), "{error}"),
     }
 }
@@ -247,10 +282,13 @@ fn a_cell_that_few_photographs_see_gets_them_all_the_same() {
     let Some(gpu) = common::gpu() else { return };
     // Far photographs of everything, and one near one of a corner.
     let mut centers: Vec<[f64; 3]> = (0..8).map(|k| [20.0 + 0.5 * f64::from(k), 15.0, 60.0]).collect();
-    centers.push([1.0, 1.0, 3.0]);
-    let plan = planned(&gpu, &flight(&centers, &ground(600, [40.0, 30.0])), 9).file;
+    // Not the first or the ninth, which are held out.
+    centers.insert(3, [2.0, 2.0, 3.0]);
+    let plan = planned(&gpu, &flight(&centers, &ground(1200, [40.0, 30.0])), 9).file;
     assert_eq!(plan.blocks.len(), 9);
-    assert!(plan.blocks.iter().all(|block| block.photographs.len() >= 4), "{plan:?}");
+    let near = |block: &&blocks::Block| block.photographs.iter().any(|one| one.name == "p0003.png");
+    assert_eq!(plan.blocks.iter().filter(near).count(), 1, "{plan:?}");
+    assert!(plan.blocks.iter().all(|block| block.photographs.len() >= 3), "{plan:?}");
 }
 
 /// Runs `blocks plan`: exit code and what it says.
@@ -281,6 +319,11 @@ fn the_command_writes_a_plan_once_and_names_its_blocks() {
     assert!(std::fs::read_to_string(out.join("plan.svg")).expect("a drawing").contains("b01"));
     let (code, text) = command(data.path(), &out, &["--blocks", "3"]);
     assert!(code == Some(2) && text.contains("--overwrite"), "{code:?} {text}");
+    let (code, text) = command(data.path(), &out, &["--blocks", "2", "--overwrite"]);
+    let default = PlanFile::read(&out.join("blocks.json")).expect("a plan").blocks;
+    // Cells are not quite the same with another margin.
+    let wider = plan.blocks[0].margin / default[0].margin;
+    assert!(code == Some(0) && (1.5..2.5).contains(&wider), "{wider} {code:?} {text}");
     let (code, text) = command(data.path(), &out, &["--blocks", "3", "--overwrite"]);
     assert_eq!((code, PlanFile::read(&out.join("blocks.json")).expect("a plan").blocks.len()), (Some(0), 3), "{text}");
     // A file of somebody else stays.

@@ -21,6 +21,7 @@ mod plan_file;
 mod surface;
 mod table;
 mod time;
+mod unchanged;
 
 pub use cell::Cell;
 pub use done::{BEGUN_FILE, BlockMetrics, DONE_FILE, DoneFile, GLOBAL, Origin, Stale};
@@ -35,3 +36,4 @@ pub use plan_file::{
     Block, DatasetRecord, FORMAT, GlobalModel, PLAN_FILE, PLAN_PICTURE, PlanFile, PlannedPhotograph, VERSION, is_inside,
 };
 pub use table::table;
+pub use unchanged::changed_photograph;

@@ -77,6 +77,11 @@ pub(crate) fn code(error: &anyhow::Error) -> u8 {
     }
 }
 
+/// Whether the device's memory, or the budget of host memory, was too small.
+pub(crate) fn is_of_memory(error: &anyhow::Error) -> bool {
+    code(error) == MEMORY
+}
+
 /// The code of one error of a chain. `transparent` errors hide the error that they pass on from the chain, so they are
 /// opened here.
 fn code_of(cause: &(dyn Error + 'static)) -> Option<u8> {

@@ -6,13 +6,15 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Duration;
 
-use psrgs_vk::blocks::{Block, Cell, DatasetRecord, FORMAT, GlobalModel, Ground, PlanFile, PlannedPhotograph, VERSION};
+use psrgs_vk::blocks::{
+    Block, Cell, DatasetRecord, FORMAT, GlobalModel, Ground, PlanFile, PlannedPhotograph, VERSION, sha256_of,
+};
 use psrgs_vk::dataset::{Dataset, LoadOptions, Role};
 use psrgs_vk::format::ply;
 use psrgs_vk::world::{WorldParams, generate};
 
 use crate::common;
-use crate::run::{Running, command, fails, psrgs, stderr, works};
+use crate::run::{Running, command, copy_folder, copy_of, fails, psrgs, stderr, works};
 
 /// Stereo, growth, a checkpoint every few steps, and exposures that the coarse model solves.
 const OPTIONS: &str = "--method psrgs --deterministic --densify-from 5 --densify-interval 6 --densify-until 32 \
@@ -60,8 +62,8 @@ fn plan_of(data: &Path) -> PlanFile {
             .map(|view| PlannedPhotograph {
                 name: view.name.clone(),
                 file: None,
-                sha256: "0".repeat(64),
-                bytes: 0,
+                sha256: sha256_of(&view.path).expect("a file").0,
+                bytes: view.path.metadata().expect("a file").len(),
                 share: 1.0,
                 mask: None,
             })
@@ -119,15 +121,8 @@ fn trained() -> &'static tempfile::TempDir {
 
 /// A copy of [`trained`].
 fn copy() -> tempfile::TempDir {
-    fn copied(from: &Path, to: &Path) {
-        fs::create_dir_all(to).expect("a folder");
-        for entry in fs::read_dir(from).expect("a folder").flatten() {
-            let (from, to) = (entry.path(), to.join(entry.file_name()));
-            if from.is_dir() { copied(&from, &to) } else { fs::copy(&from, &to).map(drop).expect("a copy") }
-        }
-    }
     let folder = tempfile::tempdir().expect("a temporary folder");
-    copied(trained().path(), folder.path());
+    copy_folder(trained().path(), folder.path());
     folder
 }
 
@@ -231,7 +226,7 @@ fn exposures_of_blocks_stay_as_the_coarse_model_solved_them() {
 }
 
 #[test]
-fn splats_outside_of_cell_and_margin_do_not_grow() {
+fn outside_of_cell_and_margin_are_coarse_splats_alone() {
     if common::gpu().is_none() {
         return;
     }
@@ -257,15 +252,16 @@ fn a_killed_block_goes_on_to_the_same_model() {
     }
     let folder = copy();
     let block = folder.path().join("blocks/b01");
-    fs::remove_dir_all(&block).expect("a folder");
-    let args = ["blocks", "run", name(folder.path()), "--block", "b01", "-v"];
+    let bytes = fs::read(block.join("point_cloud.ply")).expect("a model");
+    fs::write(block.join("point_cloud.ply"), &bytes[..bytes.len() / 2]).expect("written");
+    let args = ["blocks", "run", name(folder.path()), "--block", "b01", "-v", "--overwrite"];
     let mut running = Running::new(&args);
     running.until("saved");
     running.signal("-KILL");
     running.end();
-    assert!(!block.join("done.json").exists());
+    // What was done before counts no more, and what is begun needs no --overwrite.
     assert_eq!(states(folder.path()), ["done", "done", "stopped"]);
-    let said = works(&args);
+    let said = works(&args[..6]);
     assert!(said.contains("going on after step"), "{said}");
     let read = |of: &Path| fs::read(model(of, "b01")).expect("a model");
     assert!(read(folder.path()) == read(trained().path()), "the model differs from the undisturbed one");
@@ -384,4 +380,50 @@ fn a_block_needs_the_files_of_its_own_photographs_only() {
     works(&["blocks", "run", name(folder.path()), "--block", "b00", "--data", name(data.path())]);
     let read = |of: &Path| fs::read(model(of, "b00")).expect("a model");
     assert!(read(folder.path()) == read(trained().path()), "the model differs from that of the whole dataset's folder");
+}
+
+#[test]
+fn a_photograph_that_has_changed_since_the_plan_is_refused() {
+    if common::gpu().is_none() {
+        return;
+    }
+    let folder = copy();
+    let path = folder.path();
+    fs::remove_dir_all(path.join("blocks/b00")).expect("a folder");
+    let data = copy_of(&scene().data);
+    let file = data.path().join("images").join(&scene().plan.blocks[0].photographs[1].name);
+    let bytes = fs::read(&file).expect("a photograph");
+    let mut other = bytes.clone();
+    other[bytes.len() / 2] ^= 1;
+    for changed in [other, [bytes.as_slice(), b" "].concat()] {
+        fs::write(&file, changed).expect("written");
+        let run = |block: &str, words: &[&str]| {
+            fails(&["blocks", "run", name(path), "--block", block, "--data", name(data.path())], 3, words);
+        };
+        run("b00", &[name(&file), "has changed since the plan was made", "plan anew", "--data"]);
+        assert_eq!(states(path), ["done", "waiting", "done"]);
+        let begun = planned(&scene().plan);
+        fails(&["blocks", "run", name(begun.path()), "--data", name(data.path())], 3, &[name(&file), "has changed"]);
+    }
+}
+
+#[test]
+fn a_merged_model_that_memory_cannot_hold_is_not_scored() {
+    if common::gpu().is_none() {
+        return;
+    }
+    let folder = copy();
+    let path = folder.path();
+    // That much host memory would hold the photographs.
+    for (option, bytes, memory) in
+        [("--max-device-memory", "100KB", "device memory"), ("--host-memory", "130MB", "host memory")]
+    {
+        fs::write(path.join("metrics.json"), "{}").expect("written");
+        let said = works(&["blocks", "merge", name(path), option, bytes]);
+        for word in ["warning: the merged model is whole, and is not scored", memory, "psrgs-vk eval", option] {
+            assert!(said.contains(word), "no `{word}` in {said}");
+        }
+        assert!(ply::read(&path.join("point_cloud.ply")).expect("a model").gaussians.len() > 200);
+        assert!(!path.join("metrics.json").exists(), "scores of an earlier merge are left");
+    }
 }

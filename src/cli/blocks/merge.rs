@@ -6,17 +6,21 @@ use std::time::Instant;
 
 use clap::{Args as _, Command, FromArgMatches as _};
 use psrgs_vk::blocks::{BlockModel, BlockState, DoneFile, GLOBAL, Merged, PLAN_PICTURE, PlanFolder, merge};
-use psrgs_vk::dataset::Dataset;
-use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile, FRAME_FILE, FrameFile};
+use psrgs_vk::dataset::{Dataset, HostShare};
+use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile, FRAME_FILE, FrameFile, atomic};
 use psrgs_vk::numbers::counted;
 use psrgs_vk::train::settings::{DeviceChoice, HostChoice, Split};
-use psrgs_vk::train::{Settings, prepare};
+use psrgs_vk::train::{HostMemory, Settings, prepare};
 
 use crate::cli::console::Console;
 use crate::cli::eval;
-use crate::cli::exit::Failure;
+use crate::cli::exit::{self, Failure};
 use crate::cli::geo_args::GeoArgs;
 use crate::cli::run_folder::{METRICS, MODEL, RENDERS, REPORT};
+
+/// Bytes of host memory that scoring takes for a splat: the splats as the file has them, in the scene, and as the page
+/// in the report has them. Measured on a processor, where those of the device come on top: 1,500.
+const SCORED: u64 = 1000;
 
 /// Make one model of the blocks of a plan, and score it on the held-out photographs of the whole scene
 #[derive(clap::Args)]
@@ -45,7 +49,8 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
     let models = (0..).zip(&folder.plan.blocks);
     let models: Vec<BlockModel> =
         models.map(|(block, planned)| BlockModel { block, file: folder.model_of(&planned.id) }).collect();
-    forget_results(&folder.path)?;
+    // Results of an earlier merge would not fit the new model if this one ends early.
+    [METRICS, REPORT].into_iter().try_for_each(|name| atomic::remove(&folder.path.join(name)))?;
     let merged = merge(&folder.plan, &models, &file)?;
     console.say(format_args!("{} in {}", counted(merged.splats, "splat"), file.display()));
     if args.no_scores {
@@ -65,9 +70,33 @@ pub(crate) fn run(args: &Args, console: &Console, started: Instant) -> anyhow::R
         drawing: drawing.map(|svg| (svg, caption)),
         values: values(&folder, &done, &merged)?,
     };
-    eval::score(&scoring, &beside, console, started)?;
-    console.say(format_args!("report: {}", folder.path.join(REPORT).display()));
+    let scored = has_room(merged.splats, &scoring.host).and_then(|()| eval::score(&scoring, &beside, console, started));
+    match scored {
+        Err(error) if exit::is_of_memory(&error) => console.warn(unscored(&error, &folder, &data)),
+        scored => {
+            scored?;
+            console.say(format_args!("report: {}", folder.path.join(REPORT).display()));
+        }
+    }
     Ok(())
+}
+
+/// Fails where scoring so many splats takes more host memory than may be used: reading them would end the process.
+fn has_room(splats: u64, host: &HostChoice) -> anyhow::Result<()> {
+    let share = HostShare { keep: 0, decoding: splats.saturating_mul(SCORED), threads: 1 };
+    Ok(HostMemory::new(host.host_memory.map(|bytes| bytes.0)).check(&share)?)
+}
+
+/// Why the merged model has no scores, and how to get some.
+fn unscored(error: &anyhow::Error, folder: &PlanFolder, data: &Path) -> String {
+    format!(
+        "the merged model is whole, and is not scored: {}. Copy {} and {FRAME_FILE} beside it to a computer with more \
+         memory, and give psrgs-vk eval {MODEL} {} there; or raise --max-device-memory or --host-memory; psrgs-vk blocks status has \
+         the scores of each block",
+        exit::message(error),
+        folder.path.join(MODEL).display(),
+        data.display()
+    )
 }
 
 /// What the blocks left behind. Fails, and names all of them, where some may not be used.
@@ -113,20 +142,6 @@ fn tell_coarse_models(done: &[DoneFile], console: &Console) {
             others.join(", ")
         ));
     }
-}
-
-/// Removes results of an earlier merge, which would not fit the new model if this one ends early.
-fn forget_results(folder: &Path) -> Result<(), Failure> {
-    for name in [METRICS, REPORT] {
-        let file = folder.join(name);
-        match fs::remove_file(&file) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                return Err(Failure::Output(format!("{}: {error}", file.display())));
-            }
-            _ => {}
-        }
-    }
-    Ok(())
 }
 
 /// Writes what lies beside a trained model: its place on Earth, and the exposures of the coarse model.

@@ -2,15 +2,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use psrgs_vk::blocks::{BEGUN_FILE, BlockMetrics, DONE_FILE, DoneFile, Origin};
+use psrgs_vk::blocks::{BEGUN_FILE, BlockMetrics, DONE_FILE, DoneFile, Origin, PlannedPhotograph, changed_photograph};
 use psrgs_vk::dataset::{Dataset, LoadOptions, Role};
 use psrgs_vk::eval::Exposures;
 use psrgs_vk::format::ply::{self, Splats};
-use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile};
+use psrgs_vk::format::{EXPOSURE_FILE, ExposureFile, atomic};
 use psrgs_vk::scene::{Camera, ExposureMatrix, Region};
 use psrgs_vk::train::{Part, Settings, prepare};
 
@@ -22,6 +21,8 @@ use crate::cli::run_folder::{METRICS, MODEL, RunFolder};
 pub(crate) struct PartRun {
     /// Names of the photographs.
     pub(crate) names: BTreeSet<String>,
+    /// Those that are compared with the plan before the training.
+    pub(super) photographs: Vec<PlannedPhotograph>,
     /// What the training is for.
     pub(super) origin: Origin,
     /// Cell and margin in dataset units, and the folder of the coarse model; `None` for the coarse model itself.
@@ -32,7 +33,24 @@ pub(crate) struct PartRun {
     pub(crate) again: String,
 }
 
+/// A file of the dataset that is not the one of the plan.
+pub(super) fn changed(file: &Path) -> Failure {
+    Failure::Input(format!(
+        "{}: this file has changed since the plan was made: put the former file there, plan anew, or name the dataset \
+         of the plan with --data",
+        file.display()
+    ))
+}
+
 impl PartRun {
+    /// Refuses photographs other than those of the plan.
+    pub(crate) fn compare(&self, dataset: &Dataset) -> anyhow::Result<()> {
+        match changed_photograph(dataset, &self.photographs)? {
+            Some(file) => Err(changed(&file).into()),
+            None => Ok(()),
+        }
+    }
+
     /// The part of the scene to train.
     pub(crate) fn of(&self, dataset: &Dataset, settings: &Settings) -> anyhow::Result<Part> {
         let Some((cell, margin, global)) = &self.within else { return Ok(Part::default()) };
@@ -47,13 +65,7 @@ impl PartRun {
 
     /// Results of an earlier training in the folder count no more from here on.
     pub(crate) fn forget(&self, folder: &RunFolder) -> anyhow::Result<()> {
-        let done = folder.file(DONE_FILE);
-        match fs::remove_file(&done) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                Err(Failure::Output(format!("{}: {error}", done.display())).into())
-            }
-            _ => Ok(()),
-        }
+        Ok(atomic::remove(&folder.file(DONE_FILE))?)
     }
 
     /// Says in the folder what is trained there, when nothing of an earlier training is left.

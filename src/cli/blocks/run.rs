@@ -1,18 +1,21 @@
 //! `psrgs-vk blocks run`: trains the blocks of a plan.
 
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf, absolute};
 use std::str::FromStr;
 use std::time::Instant;
 
 use psrgs_vk::blocks::{
-    BEGUN_FILE, Block, BlockMetrics, BlockModel, BlockState, DONE_FILE, DoneFile, GLOBAL, PlanFolder, merge,
+    BEGUN_FILE, Block, BlockMetrics, BlockModel, BlockState, DONE_FILE, DoneFile, GLOBAL, PlanFolder,
+    PlannedPhotograph, merge,
 };
 use psrgs_vk::format::EXPOSURE_FILE;
 use psrgs_vk::numbers::counted;
 use psrgs_vk::train::Settings;
 use psrgs_vk::train::settings::{DeviceChoice, Exposure, HostChoice};
 
-use super::part_run::PartRun;
+use super::part_run::{PartRun, changed};
 use crate::cli::console::Console;
 use crate::cli::exit::Failure;
 use crate::cli::interrupt::Interrupt;
@@ -75,12 +78,24 @@ struct Trainings<'a> {
     settings: Settings,
     interrupt: &'a Interrupt,
     console: &'a Console,
+    /// Trainings whose models have been compared with their `done.json`: a large model is read once.
+    whole: RefCell<BTreeMap<String, DoneFile>>,
+    /// Names of photographs that are handed to a training to be compared with the plan: each is read once.
+    compared: RefCell<BTreeSet<String>>,
 }
 
 pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console, started: Instant) -> anyhow::Result<()> {
     let folder = PlanFolder::open(&args.plan)?;
     let settings = settings(args, &folder)?;
-    let trainings = Trainings { args, folder, settings, interrupt, console };
+    let trainings = Trainings {
+        args,
+        folder,
+        settings,
+        interrupt,
+        console,
+        whole: RefCell::default(),
+        compared: RefCell::default(),
+    };
     let chosen = trainings.chosen()?;
     trainings.refuse_stale(&chosen)?;
     trainings.check_dataset()?;
@@ -136,6 +151,25 @@ impl Trainings<'_> {
         }
     }
 
+    /// How far a training is. The model of one that is done is compared the first time only.
+    fn state(&self, id: &str) -> BlockState {
+        if let Some(done) = self.whole.borrow().get(id) {
+            return BlockState::Done(Box::new(done.clone()));
+        }
+        let state = self.folder.state(id);
+        if let BlockState::Done(done) = &state {
+            self.whole.borrow_mut().insert(id.to_owned(), done.as_ref().clone());
+        }
+        state
+    }
+
+    /// Of some photographs those that no training of this command has compared with the plan.
+    fn to_compare(&self, names: &BTreeSet<String>) -> Vec<PlannedPhotograph> {
+        let mut compared = self.compared.borrow_mut();
+        let planned = self.folder.plan.blocks.iter().flat_map(|block| &block.photographs);
+        planned.filter(|one| names.contains(&one.name) && compared.insert(one.name.clone())).cloned().collect()
+    }
+
     /// Refuses, before any work, results that may neither be used nor be replaced.
     fn refuse_stale(&self, chosen: &[&Block]) -> anyhow::Result<()> {
         if self.args.overwrite {
@@ -143,7 +177,7 @@ impl Trainings<'_> {
         }
         for id in [GLOBAL].into_iter().chain(chosen.iter().map(|block| block.id.as_str())) {
             let folder = self.folder.folder_of(id);
-            let why = match self.folder.state(id) {
+            let why = match self.state(id) {
                 BlockState::Stale(stale) => stale.to_string(),
                 BlockState::Damaged(error) => error.to_string(),
                 _ => continue,
@@ -161,12 +195,7 @@ impl Trainings<'_> {
             let file = data.join(&record.name);
             let (sha256, _) = psrgs_vk::blocks::sha256_of(&file)?;
             if sha256 != record.sha256 {
-                let text = format!(
-                    "{}: this file has changed since the plan was made: plan anew, or name the dataset of the plan \
-                     with --data",
-                    file.display()
-                );
-                return Err(Failure::Input(text).into());
+                return Err(changed(&file).into());
             }
         }
         Ok(())
@@ -174,7 +203,7 @@ impl Trainings<'_> {
 
     /// Trains the coarse model of everything unless it is done. Gives the SHA-256 of the model.
     fn global(&self, started: Instant) -> anyhow::Result<String> {
-        if let BlockState::Done(done) = self.folder.state(GLOBAL) {
+        if let BlockState::Done(done) = self.state(GLOBAL) {
             return Ok(done.model_sha256);
         }
         let global = &self.folder.plan.global;
@@ -187,8 +216,10 @@ impl Trainings<'_> {
         settings.run.iterations = global.steps;
         settings.photographs.max_side = settings.photographs.max_side.min(global.max_side);
         settings.density.max_splats = Some(global.max_splats);
+        let names = global.photographs.iter().cloned().collect();
         let part = PartRun {
-            names: global.photographs.iter().cloned().collect(),
+            photographs: self.to_compare(&names),
+            names,
             origin: self.folder.origin(GLOBAL, None),
             within: None,
             whole_steps: global.steps,
@@ -200,7 +231,7 @@ impl Trainings<'_> {
 
     /// Trains a block unless it is done.
     fn block(&self, block: &Block, global: &str) -> anyhow::Result<()> {
-        if let BlockState::Done(done) = self.folder.state(&block.id) {
+        if let BlockState::Done(done) = self.state(&block.id) {
             self.console.say(format_args!("block {}: done, {}", block.id, counted(done.splats, "splat")));
             return Ok(());
         }
@@ -221,8 +252,10 @@ impl Trainings<'_> {
         // Exposures are solved once for all.
         let solved = global.join(EXPOSURE_FILE).is_file();
         settings.optimiser.exposure = if solved { Exposure::Affine } else { Exposure::Off };
+        let names = block.photographs.iter().map(|photograph| photograph.name.clone()).collect();
         let part = PartRun {
-            names: block.photographs.iter().map(|photograph| photograph.name.clone()).collect(),
+            photographs: self.to_compare(&names),
+            names,
             origin,
             within: Some((self.folder.region(block), block.margin, global)),
             whole_steps: self.settings.run.iterations,
@@ -250,24 +283,13 @@ impl Trainings<'_> {
     fn train(&self, settings: Settings, part: PartRun, started: Instant) -> anyhow::Result<()> {
         let out = self.folder.folder_of(&part.origin.block);
         let begun = out.join(BEGUN_FILE).is_file() && out.join(SETTINGS).is_file();
-        let resume = begun && matches!(self.folder.state(&part.origin.block), BlockState::Begun);
+        let resume = begun && matches!(self.folder.quick_state(&part.origin.block), BlockState::Begun);
         let settings = match resume {
             true => as_begun(&out.join(SETTINGS), &settings)?,
             false => settings,
         };
-        let overwrite = self.args.overwrite;
-        let (preset, view, part) = (None, None, Some(part));
-        let plan = RunPlan {
-            settings,
-            out,
-            resume,
-            overwrite,
-            preset,
-            view,
-            part,
-            lose_device_at: None,
-            keep_no_photographs: false,
-        };
+        let plan =
+            RunPlan { settings, out, resume, overwrite: self.args.overwrite, part: Some(part), ..RunPlan::default() };
         train(&plan, self.interrupt, self.console, started)
     }
 

@@ -23,6 +23,9 @@ use crate::cli::{device, output_guard};
 pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, started: Instant) -> anyhow::Result<()> {
     interrupt.ends_at_once("stopped before the first step: there is nothing to save".to_owned());
     let mut dataset = load(plan, console)?;
+    if let Some(part) = &plan.part {
+        part.compare(&dataset)?;
+    }
     if !plan.resume {
         output_guard::check(&plan.out, &dataset)?;
     }

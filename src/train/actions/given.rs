@@ -81,3 +81,21 @@ impl HostAction for AddSkirt {
         Ok(Some(Change::appended(appended, message)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::train::Part;
+
+    #[test]
+    fn splats_outside_of_cell_and_margin_do_not_grow() {
+        let (origin, axes) = ([0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        let cell = Region { origin, axes, low: [-1.0, f64::NEG_INFINITY], high: [1.0, 1.0] };
+        let part = Part { cell: Some(cell), margin: 0.5, ..Part::default() };
+        let means = [[0.0, 0.0, 9.0], [1.4, 1.4, 0.0], [1.6, 0.0, 0.0], [-1.6, 0.0, 0.0], [0.0, -99.0, 0.0]].concat();
+        let growing = |given: &OptionalInput| KeepInside::new(given).growing(&means);
+        let of_part = OptionalInput { part: Some(Arc::new(part)), ..OptionalInput::default() };
+        assert_eq!(growing(&of_part), [true, true, false, false, true]);
+        assert_eq!(growing(&OptionalInput::default()), [true; 5]);
+    }
+}
