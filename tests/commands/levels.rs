@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use psrgs_vk::format::FrameFile;
 use psrgs_vk::format::ply::{self, Model};
+use psrgs_vk::format::splats;
 use psrgs_vk::geodesy::Georeference;
 use psrgs_vk::scene::{Coordinates, Frame, Gaussians, Geodetic};
 
@@ -17,7 +18,8 @@ fn model(folder: &Path, splats: usize) -> PathBuf {
     gaussians.means.iter_mut().step_by(3).enumerate().for_each(|(i, x)| *x = i as f32);
     gaussians.quats.iter_mut().step_by(4).for_each(|w| *w = 1.0);
     let file = folder.join("point_cloud.ply");
-    ply::write(&file, &Model { gaussians, version: Some("0.1.0".to_owned()), ..Model::default() }).expect("written");
+    let model = Model { gaussians, sh_degree: 3, version: Some("0.1.0".to_owned()), ..Model::default() };
+    ply::write(&file, &model).expect("written");
     file
 }
 
@@ -54,6 +56,16 @@ fn lod_lies_on_the_globe_where_the_frame_says() {
     // The second axis of the Earth goes through longitude 90 degrees.
     let at = root()[13].as_f64().expect("a number");
     assert!(said.contains("on the globe") && (at - 6_378_137.0).abs() < 1e-3, "{said}: {}", root());
+}
+
+#[test]
+fn lod_writes_harmonics_up_to_the_degree_asked_for() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (file, out) = (model(folder.path(), 10), folder.path().join("tiles"));
+    for (asked, degree) in [(&[][..], 3), (&["--sh-degree", "1"], 1)] {
+        works(&[&["lod", text(&file), "--out", text(&out)], asked].concat());
+        assert_eq!(splats::read(&out.join("tile.glb"), true).expect("a tile").sh_degree, degree);
+    }
 }
 
 #[test]
