@@ -13,6 +13,10 @@ TOKEN = "0123456789abcdef" * 2
 # Before Ray is loaded: Ray reads its environment then.
 os.environ |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": TOKEN, "RAY_USAGE_STATS_ENABLED": "0"}
 STORE = 200 << 20
+# Machines have caches of their own, but what drivers have compiled is that of this machine: compiling again takes longer
+# than the trainings of the tests.
+_KEPT = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+COMPILED = {"PSRGS_CACHE": str(_KEPT / "psrgs-vk"), "MESA_SHADER_CACHE_DIR": str(_KEPT)}
 
 
 class Start(NamedTuple):
@@ -61,7 +65,7 @@ class TwoMachines:
             resources={"vulkan": 1},
             object_store_memory=STORE,
             include_log_monitor=False,
-            env_vars=own | environment,
+            env_vars=own | COMPILED | environment,
             wait=True,
         )
         self._machines[name] = (node, not cache and not environment)

@@ -1,5 +1,6 @@
 """What happens to a training on a cluster when machines, workers, commands and disks fail."""
 
+import contextlib
 import os
 import shutil
 import signal
@@ -50,20 +51,18 @@ def psrgs(*arguments: object) -> None:
         raise AssertionError(f"{command}: {ended.stderr}")
 
 
-def program_of(root: Path, block: str) -> int | None:
-    """The process that trains a block in a folder below `root`."""
+def stopped_in_a_block(root: Path) -> tuple[int, str] | None:
+    """A process that trains a block in a folder below `root` and has written a checkpoint, and the block. The process is
+    stopped: however fast the machine is, the block does not end before the test goes on."""
     for file in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
+        # A process may end at any moment.
+        with contextlib.suppress(OSError):
             words = file.read_bytes().decode(errors="replace").split("\0")
-        except OSError:
-            continue
-        if (
-            words[0] == PROGRAM
-            and words[1:3] == ["blocks", "run"]
-            and block in words
-            and words[3].startswith(str(root))
-        ):
-            return int(file.parent.name)
+            if words[0] != PROGRAM or words[1:3] != ["blocks", "run"] or not words[3].startswith(str(root)):
+                continue
+            for checkpoint in Path(words[3]).glob("blocks/*/checkpoints/checkpoint-*"):
+                os.kill(int(file.parent.name), signal.SIGSTOP)
+                return int(file.parent.name), checkpoint.parts[-3]
     return None
 
 
@@ -230,23 +229,25 @@ class Faults(unittest.TestCase):
     def test_the_program_goes_on_elsewhere_with_equal_bits(self) -> None:
         data, alone, plan = (self.folder / name for name in ("data", "alone", "plan"))
         plain = ["--extent", "40", "--offpath", "0", "--lidar-density", "0.1", "--effects", "none", "--no-train"]
-        psrgs("demo", "--out", data, "--images", "12", "--max-side", "128", *plain)
-        steps = ["--iterations", "90", "--checkpoint-every", "20", "--deterministic", "--split", "none"]
-        psrgs("blocks", "plan", data, "--out", alone, "--blocks", "2", "--max-side", "128", *steps)
+        psrgs("demo", "--out", data, "--images", "8", "--max-side", "96", *plain)
+        steps = ["--iterations", "80", "--checkpoint-every", "8", "--deterministic", "--split", "none"]
+        small = ["--max-side", "96", "--set", "stereo-side=32", "--set", "stereo-splats=300"]
+        psrgs("blocks", "plan", data, "--out", alone, "--blocks", "2", *small, *steps)
         shutil.copytree(alone, plan)
         psrgs("blocks", "run", alone)
         psrgs("blocks", "merge", alone, "--no-scores")
 
         command = self.machines.start(plan, "--program", PROGRAM)
-        checkpoint = wait_until(
-            "a checkpoint of a block", lambda: next(plan.glob("blocks/*/checkpoints/*"), None), command=command
+        trained, block = wait_until(
+            "a checkpoint of a block", lambda: stopped_in_a_block(self.folder.parent), command=command
         )
-        trained = wait_until("its program", lambda: program_of(self.folder.parent, checkpoint.parts[-3]))
+        landed = plan / "blocks" / block / "checkpoints"
+        wait_until("the checkpoint lands", lambda: next(landed.glob("checkpoint-*"), None), command=command)
         os.kill(parent_of(parent_of(trained)), signal.SIGKILL)
         wait_until("the program ends with its worker", lambda: not is_running(trained))
         code, said = end(command)
         self.assertEqual(code, 0, said)
-        self.assertIn(f"{checkpoint.parts[-3]}    running  on 127.0.0.1  attempt 2", said)
+        self.assertIn(f"{block}    running  on 127.0.0.1  attempt 2", said)
         psrgs("blocks", "merge", plan, "--no-scores")
         merged = [(folder / "point_cloud.ply").read_bytes() for folder in (alone, plan)]
         self.assertEqual(len(merged[0]), len(merged[1]))
