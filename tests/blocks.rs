@@ -222,13 +222,10 @@ fn cameras_in_one_place_and_points_in_one_place_are_planned() {
     let Some(gpu) = common::gpu() else { return };
     let here = planned(&gpu, &flight(&[[1.0, 1.0, 10.0]; 9], &ground(200, [3.0, 3.0])), 3).file;
     assert_eq!(here.blocks.len(), 3);
-    // Points in fewer places than blocks: fewer blocks.
+    // Points in two places alone are none to begin on: the plan goes by random ones, as a training would.
     let two: Vec<[f64; 3]> = (0..60).map(|k| [f64::from(k % 2), 0.0, 0.0]).collect();
-    let few = plan(&gpu, &scene(&flight(&rows([3.0, 3.0], 1.0), &two)).dataset, Count::Blocks(9));
-    match few {
-        Ok(few) => assert!(few.file.blocks.len() <= 2, "{few:?}"),
-        Err(error) => assert!(error.to_string().contains("no photograph"), "{error}"),
-    }
+    let few = plan(&gpu, &scene(&flight(&rows([3.0, 3.0], 1.0), &two)).dataset, Count::Blocks(9)).expect("a plan").file;
+    assert!(few.blocks.len() == 9 && few.blocks.iter().all(|block| !block.photographs.is_empty()), "{few:?}");
 }
 
 #[test]
