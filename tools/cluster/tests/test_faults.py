@@ -220,7 +220,9 @@ class Faults(unittest.TestCase):
         self.assertEqual(code, 2, said)
         self.assertIn("RAY_AUTH_MODE=token must be set", said)
         for token in ("f" * 32, ""):
-            code, said = self.machines.run(plan, RAY_AUTH_TOKEN=token, HOME=str(self.folder))
+            # Ray tries a refused token once a second.
+            few = {"RAY_NUM_REDIS_GET_RETRIES": "2"}
+            code, said = self.machines.run(plan, RAY_AUTH_TOKEN=token, HOME=str(self.folder), **few)
             self.assertEqual(code, 3, said)
             self.assertIn("error: --address", said)
             self.assertNotIn("f" * 32, said)
