@@ -180,6 +180,24 @@ fn errors_of_a_set_are_in_metres_where_its_place_is_known() {
 }
 
 #[test]
+fn a_packed_tile_tells_the_box_of_its_splats() {
+    let model = with_degree(60, 0);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    set(folder.path(), Content::Spz).write(&model, 100).expect("written");
+    let bytes = fs::read(folder.path().join("tile.glb")).expect("a tile");
+    let length = u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize;
+    let document: Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+    let end = |k: usize, pick: fn(f64, f64) -> f64| {
+        // y is up in files: y and z of models are negated.
+        let sign = if k == 0 { 1.0 } else { -1.0 };
+        let along = model.gaussians.means.iter().skip(k).step_by(3).map(|v| sign * f64::from(*v));
+        along.reduce(pick).expect("a splat")
+    };
+    assert_eq!(numbers(&document["accessors"][0]["min"]), [0, 1, 2].map(|k| end(k, f64::min)));
+    assert_eq!(numbers(&document["accessors"][0]["max"]), [0, 1, 2].map(|k| end(k, f64::max)));
+}
+
+#[test]
 fn the_gltf_validator_knows_no_worse_of_packed_tiles() {
     let Some(validator) = installed("node_modules/gltf-validator", "node") else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
