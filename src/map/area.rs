@@ -89,7 +89,7 @@ mod tests {
     fn strays_do_not_widen_the_area() {
         let mut places: Vec<[f64; 3]> =
             (0..4000).map(|k| [f64::from(k % 80), f64::from(k / 80), f64::from(k % 7)]).collect();
-        places.extend([[1e6, -1e6, 500.0], [f64::NAN, 0.0, 0.0]]);
+        places.extend([[1e6, -1e6, 500.0], [-1e6, 1e6, -500.0], [f64::NAN, 0.0, 0.0]]);
         let area = Area::of_places(&places).unwrap();
         let Bounds { west, south, east, north } = area.bounds;
         assert!(west >= 0.0 && east <= 79.0 && south >= 0.0 && north <= 50.0, "{:?}", area.bounds);

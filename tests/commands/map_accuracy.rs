@@ -65,6 +65,19 @@ fn a_map_of_a_world_tells_its_accuracy() {
     assert!(names > 2 && found["points"]["each"].as_array().map(Vec::len) == Some(names), "{found}");
     assert!(said.contains("accuracy at") && said.contains("terrain at") && said.contains("check points of"), "{said}");
     assert_eq!(found["terrain"]["each"].as_array().map(Vec::len), Some(names), "{found}");
+
+    // Check points all over the site: below what stands on the ground, surface and terrain are not the same.
+    let bounds = &json(&third.join("map.json"))["bounds"];
+    let [west, north] = ["west", "north"].map(|side| bounds[side].as_f64().expect("a bound"));
+    let at = |k: u32| (west + 4.5 + f64::from(4 * (k % 18)), north - 4.5 - f64::from(4 * (k / 18)));
+    let rows: String = (0..18 * 18).map(at).map(|(east, north)| format!("{east},{north},740\n")).collect();
+    let many = folder.path().join("many.csv");
+    fs::write(&many, rows).expect("written");
+    let fourth = folder.path().join("fourth");
+    mapped(&model, &data, &fourth, &["--dtm", "--check", text(&many)]);
+    let found = json(&fourth.join("accuracy.json"));
+    assert!(found["points"]["vertical"]["count"].as_u64() > Some(100), "{found}");
+    assert_ne!(found["points"]["each"], found["terrain"]["each"]);
 }
 
 #[test]

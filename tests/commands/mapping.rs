@@ -55,6 +55,8 @@ fn a_map_has_its_files_and_their_numbers() {
         let bytes = fs::read(out.join(name)).unwrap_or_else(|problem| panic!("{name}: {problem}"));
         assert!(bytes.starts_with(b"II\x2a\0"), "{name}");
     }
+    let heights = GeoRaster::read(&out.join("dsm.tif")).expect("heights").values;
+    assert_eq!(heights.iter().filter(|v| v.is_finite()).count() as u64, number("with_height"));
     let picture = image::open(out.join("orthophoto.png")).expect("a PNG").to_rgba8();
     assert_eq!((u64::from(picture.width()), u64::from(picture.height())), (width, height));
     let opaque = picture.pixels().filter(|pixel| pixel.0[3] == 255).count() as u64;

@@ -9,7 +9,8 @@ use crate::small;
 fn the_true_map_has_the_heights_and_classes_of_the_world() {
     let dir = tempfile::tempdir().unwrap();
     let lidar = LidarParams { density: 0.02, ..LidarParams::default() };
-    let params = WorldParams { offpath: 0, max_side: 64, supersample: 1, lidar, effects: Effects::none(), ..small() };
+    let effects = Effects { water: true, ..Effects::none() };
+    let params = WorldParams { offpath: 0, max_side: 64, supersample: 1, lidar, effects, ..small() };
     generate(&params, dir.path(), &mut |_| {}).unwrap();
     let world = World::new(&params).unwrap();
     let way = world.georeference().unwrap();
@@ -23,7 +24,7 @@ fn the_true_map_has_the_heights_and_classes_of_the_world() {
     // Lines lie at multiples of the cell's side.
     let along = heights.corner.map(|v| v / gsd);
     assert!(along.iter().all(|v| (v - v.round()).abs() < 1e-3), "{along:?}");
-    let (mut ground, mut roofs) = (0, 0);
+    let (mut ground, mut roofs, mut water) = (0, 0, 0);
     for k in 0..heights.width * heights.height {
         let (column, row) = ((k % heights.width) as f64 + 0.5, (k / heights.width) as f64 + 0.5);
         let level = way.to_map([0.0; 3])[2];
@@ -41,9 +42,10 @@ fn the_true_map_has_the_heights_and_classes_of_the_world() {
                 assert!(f64::from(heights.values[k]) > bare, "{} is not above {bare}", heights.values[k]);
                 roofs += 1;
             }
+            9 => water += 1,
             _ => {}
         }
         assert_eq!(colours.values[4 * k + 3], 255.0);
     }
-    assert!(ground > 1000 && roofs > 100, "{ground} {roofs}");
+    assert!(ground > 1000 && roofs > 100 && water > 10, "{ground} {roofs} {water}");
 }
