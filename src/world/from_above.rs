@@ -26,14 +26,10 @@ pub struct FromAbove {
 }
 
 impl FromAbove {
-    /// Height of the ground at the middle of a cell, which lies at x and y of the world: without what stands on the
-    /// ground, and the surface of water; NaN beyond the ground.
+    /// Height of the ground at the middle of a cell, which lies at x and y of the world, without what stands on the
+    /// ground; NaN beyond the ground. Water is part of the ground.
     pub fn ground(&self, world: &World, cell: usize, [x, y]: [f64; 2]) -> f32 {
-        match self.classes[cell] {
-            None => f32::NAN,
-            Some(Class::Water) => self.heights[cell],
-            Some(_) => world.terrain().height(x, y) as f32,
-        }
+        self.classes[cell].map_or(f32::NAN, |_| world.terrain().height(x, y) as f32)
     }
 }
 

@@ -76,8 +76,8 @@ fn a_map_of_a_world_tells_its_accuracy() {
     let fourth = folder.path().join("fourth");
     mapped(&model, &data, &fourth, &["--dtm", "--check", text(&many)]);
     let found = json(&fourth.join("accuracy.json"));
-    assert!(found["points"]["vertical"]["count"].as_u64() > Some(100), "{found}");
-    assert_ne!(found["points"]["each"], found["terrain"]["each"]);
+    assert!(found["points"]["vertical"]["count"].as_u64() > Some(20), "{}", found["points"]["vertical"]);
+    assert!(found["points"]["each"] != found["terrain"]["each"], "the terrain is the surface");
 }
 
 #[test]
