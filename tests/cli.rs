@@ -390,6 +390,27 @@ fn passes_are_listed_as_registered() {
     }
 }
 
+/// Software devices tell nothing of their pipelines; `registers_are_those_that_the_compilers_tell` asks drivers that do.
+#[test]
+fn statistics_are_told_or_refused_by_name() {
+    let output = psrgs(&["passes", "--statistics", "--json"]);
+    if output.status.success() {
+        let json: serde_json::Value = serde_json::from_str(&stdout(&output)).expect("JSON");
+        let passes = json["passes"].as_array().expect("a list");
+        for family in ["project", "blend_forward", "blend_backward", "loss_grad", "project_backward_adam", "densify"] {
+            let of_family = |pass: &serde_json::Value| pass["name"].as_str().is_some_and(|n| n.starts_with(family));
+            assert!(passes.iter().any(of_family), "nothing of {family}");
+        }
+        let told = |pass: &serde_json::Value| pass["statistics"].as_object().is_some_and(|told| !told.is_empty());
+        assert!(passes.iter().all(told), "a pass without statistics");
+    } else if stderr(&output).contains("no Vulkan") {
+        skips::skipped(stderr(&output));
+    } else {
+        fails(&["passes", "--statistics"], 4, &["VK_KHR_pipeline_executable_properties", "info"]);
+    }
+    fails(&["passes", "--device", "0"], 2, &["--statistics"]);
+}
+
 #[test]
 fn completions_are_printed_for_every_shell() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {

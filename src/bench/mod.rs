@@ -11,6 +11,7 @@ mod report;
 mod roofline;
 mod rows;
 mod sort;
+mod statistics;
 mod upscale;
 
 pub use measure::{COPY_BYTES, Options, commands, measure};
@@ -22,6 +23,7 @@ pub use report::{DeviceName, Loss, PassRow, PerStep, Report, StageRow, Workload}
 pub use roofline::PerPixel;
 pub use roofline::{Arithmetic, Floors, arithmetic};
 pub use sort::{SortReport, sort};
+pub use statistics::statistics;
 
 use crate::{train, vk};
 

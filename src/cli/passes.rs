@@ -1,5 +1,7 @@
 //! `psrgs-vk passes`: the registered GPU passes.
 
+mod statistics;
+
 use psrgs_vk::pass::{ALL, Pass};
 use psrgs_vk::vk::Access;
 use serde_json::{Value, json};
@@ -12,9 +14,19 @@ pub(crate) struct Args {
     /// Print JSON with the layouts of bindings, push constants and specialization constants
     #[arg(long)]
     json: bool,
+    /// Print instead what the driver tells of the passes of a training: registers, spills, instructions, shared memory
+    #[arg(long)]
+    statistics: bool,
+    /// Ask this Vulkan device: its index in `psrgs-vk info`, or a part of its name
+    /// [default: discrete, integrated, then CPU]
+    #[arg(long, value_name = "DEVICE", requires = "statistics")]
+    device: Option<String>,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    if args.statistics {
+        return statistics::run(args.device.as_deref(), args.json);
+    }
     let text = if args.json {
         let passes: Vec<Value> = ALL.iter().map(|pass| describe(pass)).collect();
         serde_json::to_string_pretty(&passes)? + "\n"

@@ -147,6 +147,7 @@ impl Gpu {
             canaries: options.canaries,
             garbage: options.garbage,
             debug_utils: host.extensions.contains(&ash::ext::debug_utils::NAME),
+            statistics: false,
             messages: Messages::default(),
             messenger: None,
             owned: false,

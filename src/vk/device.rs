@@ -18,6 +18,7 @@ use super::host_allocator::HostAllocator;
 use super::lock::QueueLock;
 use super::memory::MemoryPool;
 use super::options::{OpenOptions, Validation};
+use super::statistics;
 use super::ticket::next_device;
 use super::validation::{FOLLOW_SHADERS, LAYER, Messages, Messenger, switch, takes_settings};
 
@@ -48,6 +49,8 @@ pub(super) struct Device {
     pub(super) canaries: bool,
     pub(super) garbage: bool,
     pub(super) debug: Option<ash::ext::debug_utils::Device>,
+    /// Functions for statistics of pipelines, which are captured where there are functions.
+    pub(super) executables: Option<ash::khr::pipeline_executable_properties::Device>,
     pub(super) messages: Messages,
     pub(super) memory: Mutex<Option<MemoryPool>>,
     pub(super) live: Mutex<HashMap<u64, Weak<BufferInner>>>,
@@ -79,6 +82,7 @@ impl Device {
                     canaries: options.canaries,
                     garbage: options.garbage,
                     debug_utils: messenger.is_some(),
+                    statistics: options.statistics,
                     messages,
                     messenger,
                     owned: true,
@@ -102,7 +106,7 @@ impl Device {
         let index = choose(&found, options.device.as_deref())?;
         let (physical, reported) = found.into_iter().nth(index).ok_or(Error::NoVulkan("no device".into()))?;
         reported.check()?;
-        let (raw, family) = create_device(instance, physical, &reported)?;
+        let (raw, family) = create_device(instance, physical, &reported, options.statistics)?;
         Ok((physical, raw, family, reported.pick(options)))
     }
 
@@ -111,6 +115,8 @@ impl Device {
         let DeviceParts { entry, instance, physical, raw, queue, family, host_lock, caps, canaries, garbage, .. } =
             parts;
         let debug = parts.debug_utils.then(|| ash::ext::debug_utils::Device::new(&instance, &raw));
+        let executables =
+            parts.statistics.then(|| ash::khr::pipeline_executable_properties::Device::new(&instance, &raw));
         let device = Device {
             id: next_device(),
             memory: Mutex::new(None),
@@ -124,6 +130,7 @@ impl Device {
             canaries,
             garbage,
             debug,
+            executables,
             messages: parts.messages,
             live: Mutex::default(),
             freed: Mutex::default(),
@@ -187,6 +194,8 @@ pub(super) struct DeviceParts {
     pub(super) canaries: bool,
     pub(super) garbage: bool,
     pub(super) debug_utils: bool,
+    /// Whether the device was created for statistics of pipelines.
+    pub(super) statistics: bool,
     pub(super) messages: Messages,
     pub(super) messenger: Option<Messenger>,
     pub(super) owned: bool,
@@ -358,6 +367,7 @@ fn create_device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
     reported: &Reported,
+    statistics: bool,
 ) -> Result<(ash::Device, u32)> {
     // SAFETY: the physical device comes from this instance.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
@@ -376,6 +386,14 @@ fn create_device(
     if reported.has(ash::khr::portability_subset::NAME) {
         names.push(ash::khr::portability_subset::NAME.as_ptr());
     }
+    if statistics {
+        if !reported.statistics {
+            return Err(statistics::missing(&reported.device));
+        }
+        names.push(ash::khr::pipeline_executable_properties::NAME.as_ptr());
+    }
+    let mut executables =
+        vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
     let mut info = vk::DeviceCreateInfo::default()
@@ -387,6 +405,9 @@ fn create_device(
         .push_next(&mut enabled.v13);
     if wanted.contains(&ash::ext::shader_atomic_float::NAME) {
         info = info.push_next(&mut enabled.atomic_float);
+    }
+    if statistics {
+        info = info.push_next(&mut executables);
     }
     // SAFETY: only features and extensions that the device reports are enabled;
     // all pointers live until the call returns.

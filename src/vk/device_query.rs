@@ -20,6 +20,8 @@ pub(super) struct Reported {
     pub(super) api: u32,
     pub(super) features: Features,
     pub(super) extensions: Vec<String>,
+    /// Whether the driver tells statistics of pipelines.
+    pub(super) statistics: bool,
     limits: Limits,
     /// Whether the device supports texel buffers of every [`TexelFormat`].
     texel_formats: bool,
@@ -33,7 +35,8 @@ pub(super) struct Reported {
     operations: vk::SubgroupFeatureFlags,
 }
 
-fn text(bytes: &[std::ffi::c_char]) -> String {
+/// The text of an array that ends with a zero.
+pub(super) fn text(bytes: &[std::ffi::c_char]) -> String {
     let bytes: Vec<u8> = bytes.iter().map(|&b| b as u8).collect();
     CStr::from_bytes_until_nul(&bytes).map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
 }
@@ -48,6 +51,7 @@ struct Answers {
     f12: vk::PhysicalDeviceVulkan12Features<'static>,
     f13: vk::PhysicalDeviceVulkan13Features<'static>,
     float: vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT<'static>,
+    executables: vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR<'static>,
     core: vk::PhysicalDeviceFeatures,
 }
 
@@ -55,9 +59,8 @@ impl Answers {
     /// Queries the properties and features.
     ///
     /// # Safety
-    /// `physical` belongs to `instance` and has Vulkan 1.3; `float_atomics` says whether the device has
-    /// `VK_EXT_shader_atomic_float`.
-    unsafe fn ask(&mut self, instance: &ash::Instance, physical: vk::PhysicalDevice, float_atomics: bool) {
+    /// `physical` belongs to `instance` and has Vulkan 1.3; `has` says whether the device has an extension.
+    unsafe fn ask(&mut self, instance: &ash::Instance, physical: vk::PhysicalDevice, has: impl Fn(&CStr) -> bool) {
         let mut chain = vk::PhysicalDeviceProperties2::default()
             .push_next(&mut self.v11)
             .push_next(&mut self.v12)
@@ -66,11 +69,14 @@ impl Answers {
             .push_next(&mut self.f11)
             .push_next(&mut self.f12)
             .push_next(&mut self.f13);
-        if float_atomics {
+        if has(ash::ext::shader_atomic_float::NAME) {
             features = features.push_next(&mut self.float);
         }
-        // SAFETY: a Vulkan 1.3 device knows the chained structures; the extension's structure is chained only where the
-        // device has the extension.
+        if has(ash::khr::pipeline_executable_properties::NAME) {
+            features = features.push_next(&mut self.executables);
+        }
+        // SAFETY: a Vulkan 1.3 device knows the chained structures; an extension's structure is chained only where the device
+        // has the extension.
         unsafe {
             instance.get_physical_device_properties2(physical, &mut chain);
             instance.get_physical_device_features2(physical, &mut features);
@@ -169,7 +175,7 @@ pub(super) unsafe fn report(instance: &ash::Instance, physical: vk::PhysicalDevi
     let mut answers = Answers::default();
     if !old {
         // SAFETY: as above; the device has Vulkan 1.3.
-        unsafe { answers.ask(instance, physical, has(ash::ext::shader_atomic_float::NAME)) };
+        unsafe { answers.ask(instance, physical, has) };
     }
     // SAFETY: as above; the instance has Vulkan 1.1. An older device counts as one without extensions.
     let (heaps, budget) = unsafe { memory_of(instance, physical, has(ash::ext::memory_budget::NAME)) };
@@ -183,6 +189,7 @@ pub(super) unsafe fn report(instance: &ash::Instance, physical: vk::PhysicalDevi
         known.buffer_features.contains(vk::FormatFeatureFlags::UNIFORM_TEXEL_BUFFER)
     });
     let (features, limits) = (answers.features(), answers.limits(&properties.limits, timestamps));
+    let statistics = answers.executables.pipeline_executable_info != 0;
     let Answers { v11, v12, v13, .. } = answers;
     Ok(Reported {
         device: text(&properties.device_name),
@@ -197,6 +204,7 @@ pub(super) unsafe fn report(instance: &ash::Instance, physical: vk::PhysicalDevi
         api: properties.api_version,
         features,
         extensions,
+        statistics,
         limits,
         texel_formats,
         heaps,

@@ -137,6 +137,11 @@ impl Gpu {
         Ok(pipeline)
     }
 
+    /// Every pipeline that was created so far.
+    pub(super) fn pipelines(&self) -> Vec<Pipeline> {
+        lock(&self.inner.pipelines).values().cloned().collect()
+    }
+
     /// Creates a variant of a pipeline unless the variant exists.
     pub(super) fn make_variant(&self, pipeline: &Pipeline, mode: BindingMode) -> Result<()> {
         if pipeline.inner.variant(mode).is_some() {

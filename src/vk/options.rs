@@ -65,6 +65,9 @@ pub struct OpenOptions {
     pub max_storage_buffers: Option<u32>,
     /// Most bytes of shared memory of a workgroup, where the device allows more.
     pub max_shared_bytes: Option<u32>,
+    /// Have the driver keep statistics of the pipelines, for [`crate::vk::Gpu::pipeline_statistics`]. Fails with
+    /// [`crate::vk::Error::MissingFeature`] where the device has none. Pipelines of a cache on disk may have none either.
+    pub statistics: bool,
     /// Folder of the pipeline cache; `None` keeps the cache in memory only.
     pub pipeline_cache: Option<PathBuf>,
 }
@@ -86,6 +89,7 @@ impl Default for OpenOptions {
             texels: None,
             max_storage_buffers: None,
             max_shared_bytes: None,
+            statistics: false,
             pipeline_cache: None,
         }
     }

@@ -66,6 +66,16 @@ impl PipelineInner {
         self.slot(mode).get()
     }
 
+    /// Values of the kernel's constants.
+    pub(super) fn values(&self) -> &[u32] {
+        &self.values
+    }
+
+    /// The variants that exist, by how they reach their buffers.
+    pub(super) fn variants(&self) -> impl Iterator<Item = (&'static str, vk::Pipeline)> {
+        BindingMode::ALL.into_iter().filter_map(|mode| Some((mode.name(), self.variant(mode)?.raw)))
+    }
+
     /// Texel views of a variant; `None` when the kernel lacks the variant or the device cannot bind as many texel
     /// buffers.
     pub(super) fn texels(&self, caps: &Caps, mode: BindingMode) -> Option<&'static [TexelView]> {

@@ -25,6 +25,17 @@ pub(super) enum BindingMode {
 }
 
 impl BindingMode {
+    pub(super) const ALL: [Self; 4] = [Self::Descriptors, Self::Addresses, Self::Texels, Self::TexelsByAddress];
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Descriptors => "descriptors",
+            Self::Addresses => "addresses",
+            Self::Texels => "texels",
+            Self::TexelsByAddress => "texels by address",
+        }
+    }
+
     /// Whether a dispatch binds a table of addresses.
     pub(super) fn by_address(self) -> bool {
         matches!(self, Self::Addresses | Self::TexelsByAddress)
@@ -268,7 +279,10 @@ impl UnfinishedPipeline<'_> {
         if subgroups.full {
             stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
         }
-        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(*layout);
+        let mut info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(*layout);
+        if self.device.executables.is_some() {
+            info = info.flags(vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR);
+        }
         // SAFETY: module and layout were made above; constants and features were checked against the device.
         let created = unsafe { self.device.raw.create_compute_pipelines(cache, &[info], None) };
         let made = created.map_err(|(_, result)| result).named("vkCreateComputePipelines")?;

@@ -132,10 +132,11 @@ mod tests {
         assert_eq!(named("part_sum"), Some(64 * 16));
         // float sums[64], float fresh[12]
         assert_eq!(named("exposure_step"), Some((64 + 12) * 4));
-        // float parts[16 * 256], float part_sums[256]; staged: three vec4 [128], vec2 [128], two float [128], uint
-        // [128]; uint most; in all a multiple of 16
+        // float subgroup_sums[16 * 128], uint subgroup_has[128]; staged: three vec4 [128], vec2 [128], two float [128],
+        // uint [128]; uint touched[32 * 4]; uint most; in all a multiple of 16
         let staged: u32 = 128 * (3 * 16 + 8 + 2 * 4 + 4);
-        assert_eq!(named("blend_backward_pixel_slots"), Some((17 * 256 * 4 + staged + 4).next_multiple_of(16)));
+        let sums = 17 * 128 * 4;
+        assert_eq!(named("blend_backward_pixel_slots"), Some((sums + staged + 512 + 4).next_multiple_of(16)));
     }
 
     #[test]
