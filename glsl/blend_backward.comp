@@ -1,19 +1,19 @@
 #version 460
 // blend_backward: gradients of splat2d (and of the normals) from those of image and aux, walking every tile's list back
 // to front. column: one thread owns a column of 8 pixels, one workgroup (8 threads) a tile of 8x8. pixel: one thread
-// owns a pixel, one workgroup (256 threads) a tile of 16x16; with BLOCK, subgroups leave out splats that do not show in
-// the pixels they own. slots: a row of partial sums per (splat, tile) pair, written once and summed in a fixed order;
-// slot_sum adds the rows. apart: each subgroup sums its pixels independently, and after every few splats the workgroup
-// adds the sums of the subgroups. atomic, cas: sums are added to the splat's row by native float atomics, or by
-// compare-and-swap.
+// owns two pixels, one workgroup (128 threads) a chunk of the list of a tile of 16x16; with BLOCK, subgroups leave out
+// splats that do not show in the pixels they own. slots: a row of partial sums per (splat, tile) pair, written once and
+// summed in a fixed order; slot_sum adds the rows. In pixel each subgroup sums its pixels independently, and after every
+// few splats the workgroup adds the sums of the subgroups. atomic, cas: sums are added to the splat's row by native float
+// atomics, or by compare-and-swap.
 //! variant column_slots COLUMN SLOTS
 //! variant column_atomic COLUMN ATOMIC
 //! variant column_cas COLUMN CAS
 //! variant column_emulated_slots COLUMN SLOTS SUBGROUP_EMULATED
-//! variant pixel_slots PIXEL SLOTS
-//! variant pixel_apart_slots PIXEL SLOTS WITH_SUBGROUPS
+//! variant pixel_slots PIXEL SLOTS WITH_SUBGROUPS
 //! variant pixel_atomic PIXEL ATOMIC WITH_SUBGROUPS
 //! variant pixel_cas PIXEL CAS WITH_SUBGROUPS
+//! variant pixel_emulated_slots PIXEL SLOTS WITH_SUBGROUPS SUBGROUP_EMULATED
 //! variant pixel_emulated_cas PIXEL CAS WITH_SUBGROUPS SUBGROUP_EMULATED
 //! texels(COLUMN)
 #extension GL_GOOGLE_include_directive : require
@@ -23,14 +23,17 @@
 #ifdef COLUMN
 #include "blend_column.glsl"
 #else
+#define THREAD_PIXELS 2
 #include "blend_pixel.glsl"
-#if defined(WITH_SUBGROUPS) && !defined(SUBGROUP_EMULATED)
+#ifndef SUBGROUP_EMULATED
 // Subgroups process a batch, or a part of a batch, independently.
 #define APART
-#include "blocks.glsl"
 #endif
 #endif
 #include "blend_backward.glsl"
+#ifdef PIXEL
+#include "kept.glsl"
+#endif
 
 // Sums over the pixels of one thread: of v = dL/d(exponent, base e) times 1, dy, dy^2, and the blended channels.
 struct Sums {
@@ -38,7 +41,11 @@ struct Sums {
     vec3 colour;
     vec4 aux;
     vec2 abs_mean;
+    // Whether any pixel blended the splat. Sums of several pixels can cancel.
+    bool hit;
 };
+
+const Sums NO_SUMS = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0), false);
 
 // `depth` is the splat's where dy is 0.
 void blend_back(inout Pixel pixel, inout Sums sums, Splat s, float along, float depth, float dy, uint place) {
@@ -49,6 +56,7 @@ void blend_back(inout Pixel pixel, inout Sums sums, Splat s, float along, float 
     const float v_dy = share.v * dy;
     sums.v += vec3(share.v, v_dy, v_dy * dy);
     sums.colour += share.weight * pixel.grad;
+    sums.hit = sums.hit || share.weight > 0.0;
     if (AUX != 0u) sums.aux += share.weight * pixel.grad_aux;
     if (ABS != 0u) sums.abs_mean += abs(share.v * vec2(s.p * roots.x, s.q * roots.x + s.r * roots.y));
     if (COUNT != 0u) {
@@ -130,7 +138,7 @@ void main() {
                 precise float along = s.p * dx;
                 const float depth = s.depth + s.slope.x * dx;
                 precise float dy0 = center.y - s.y;
-                Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
+                Sums sums = NO_SUMS;
                 [[unroll]] for (uint j = 0u; j < SIDE; ++j) {
                     precise float dy = dy0 + float(j);
                     blend_back(pixels[j], sums, s, along, depth, dy, place);
@@ -172,27 +180,6 @@ shared uint most;
 // Columns of a row with sums; without AUX the ninth of 12 is 0.
 const uint COLUMNS = AUX != 0u ? 15u : ABS != 0u ? 12u : 9u;
 
-#if defined(SLOTS) && !defined(APART)
-shared float parts[16u * LOCAL_SIZE];
-shared float part_sums[LOCAL_SIZE];
-
-// Adds 16 columns over the workgroup in a fixed order and stores them. Called by all threads with the same row.
-void add_up(uint row, float column[16]) {
-    const uint t = local_index();
-    [[unroll]] for (uint c = 0u; c < 16u; ++c) parts[c * LOCAL_SIZE + t] = column[c];
-    barrier();
-    const uint first = t / 16u * LOCAL_SIZE + t % 16u;
-    float sum = 0.0;
-    for (uint i = 0u; i < 16u; ++i) sum += parts[first + 16u * i];
-    part_sums[t] = sum;
-    barrier();
-    if (t < (AUX != 0u ? 15u : 12u)) {
-        sum = 0.0;
-        for (uint i = 0u; i < 16u; ++i) sum += part_sums[16u * t + i];
-        store_grad(row, t, sum);
-    }
-}
-#else
 #ifdef SLOTS
 // Sums of subgroups for the splats of a part: row (subgroup, splat) of 16 columns; and per subgroup, a bit for each
 // splat with sums.
@@ -204,19 +191,33 @@ uint part_splats() { return min(32u, subgroup_width()); }
 
 void accumulate(uint place, uint column, float sum) { subgroup_sums[16u * (subgroup_number() * part_splats() + place) + column] = sum; }
 #else
+uint part_splats() { return 32u; }
+
 void accumulate(uint row, uint column, float sum) { store_grad(row, column, sum); }
 #endif
 
 // Adds each column over the subgroup by a transposing butterfly. A step adds lanes that differ in one bit; lanes
 // without the bit keep the even columns, lanes with the bit keep the odd columns. A column takes about one shuffle
-// instead of log2(width) shuffles. At the end lane k has column k (with 8 lanes, also column k + 8) and passes it on.
-// Narrower subgroups sum column by column.
+// instead of log2(width) shuffles.
 float butterfly(float x, float y, uint bit) {
     const bool upper = (subgroup_lane() & bit) != 0u;
     return (upper ? y : x) + subgroup_shuffle_xor(upper ? x : y, bit);
 }
 
-// Called by all threads of a subgroup with the same row (slots: index in the part).
+// The sums over 8 lanes: lane k gets columns k % 8 and k % 8 + 8.
+vec2 add_eight(float column[16]) {
+    // Columns 9 and 12 to 14 belong to AUX; without AUX columns 8 to 11 need two steps.
+    float pairs[8];
+    [[unroll]] for (uint c = 0u; c < 8u; ++c) {
+        const bool used = AUX != 0u || c < 5u || c == 5u && ABS != 0u;
+        pairs[c] = used ? butterfly(column[2u * c], column[2u * c + 1u], 1u) : 0.0;
+    }
+    const float first = butterfly(butterfly(pairs[0], pairs[1], 2u), butterfly(pairs[2], pairs[3], 2u), 4u);
+    const float last = AUX != 0u ? butterfly(pairs[6], pairs[7], 2u) : 0.0;
+    return vec2(first, butterfly(butterfly(pairs[4], pairs[5], 2u), last, 4u));
+}
+
+// Adds the columns of one splat. Narrow subgroups sum column by column.
 void add_up(uint row, float column[16]) {
     const uint lane = subgroup_lane();
     if (subgroup_width() < 8u) {
@@ -227,61 +228,77 @@ void add_up(uint row, float column[16]) {
             }
         }
     } else {
-        // Columns 9 and 12 to 14 belong to AUX; without AUX columns 8 to 11 need two steps.
-        float pairs[8];
-        [[unroll]] for (uint c = 0u; c < 8u; ++c) {
-            const bool used = AUX != 0u || c < 5u || c == 5u && ABS != 0u;
-            pairs[c] = used ? butterfly(column[2u * c], column[2u * c + 1u], 1u) : 0.0;
-        }
-        const float first = butterfly(butterfly(pairs[0], pairs[1], 2u), butterfly(pairs[2], pairs[3], 2u), 4u);
-        const float last = AUX != 0u ? butterfly(pairs[6], pairs[7], 2u) : 0.0;
-        const float second = butterfly(butterfly(pairs[4], pairs[5], 2u), last, 4u);
+        const vec2 sums = add_eight(column);
         if (subgroup_width() < 16u) {
-            accumulate(row, lane, first);
-            if (8u + lane < COLUMNS) accumulate(row, 8u + lane, second);
+            accumulate(row, lane, sums.x);
+            if (8u + lane < COLUMNS) accumulate(row, 8u + lane, sums.y);
         } else {
-            float sum = butterfly(first, second, 8u);
-            [[unroll]] for (uint k = 4u; k < 7u; ++k) {
-                if (1u << k < subgroup_width()) sum += subgroup_shuffle_xor(sum, 1u << k);
-            }
+            const float sum = butterfly(sums.x, sums.y, 8u);
             if (lane < COLUMNS) accumulate(row, lane, sum);
         }
     }
 }
-#endif
 
-// Moves a pixel past staged splat k and adds the splat's gradients to `row`; false when there are none. Called by all
-// threads that add_up sums over.
-bool blend_splat(inout Pixel pixel, uint k, uint row, vec2 center, uint place) {
+// Adds the columns of one or two splats, with one last step and one access to memory for both: every 16 lanes have all
+// columns of a splat, the lanes with bit 16 those of the second. Called by all threads of a subgroup with the same rows
+// (slots: indices in the part).
+void add_up_two(uint splats, uint rows[2], float columns[2][16]) {
+    if (subgroup_width() < 32u) {
+        add_up(rows[0], columns[0]);
+        if (splats > 1u) add_up(rows[1], columns[1]);
+    } else {
+        const uint lane = subgroup_lane();
+        const vec2 one = add_eight(columns[0]);
+        const vec2 two = add_eight(columns[1]);
+        float sum = butterfly(butterfly(one.x, one.y, 8u), butterfly(two.x, two.y, 8u), 16u);
+        [[unroll]] for (uint k = 5u; k < 7u; ++k) {
+            if (1u << k < subgroup_width()) sum += subgroup_shuffle_xor(sum, 1u << k);
+        }
+        if (lane < 16u * splats && lane % 16u < COLUMNS) accumulate(rows[lane / 16u], lane % 16u, sum);
+    }
+}
+
+// Moves a thread's pixels past staged splat k, which is the `place`-th of the tile's list: the splat's columns, and
+// whether they have anything. `shows`: whether the splat touches the pixel's block.
+bool take(inout Pixel pixels[2], bool shows[2], uint k, uint place, vec2 center, out float column[16]) {
     const Splat s = staged(k);
     const float dx = center.x - s.x;
     precise float along = s.p * dx;
-    Sums sums = Sums(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0));
-    blend_back(pixel, sums, s, along, s.depth + s.slope.x * dx, center.y - s.y, place);
-#ifdef APART
-    if (!subgroup_any(sums.v.x != 0.0 || sums.colour != vec3(0.0) || sums.aux != vec4(0.0))) return false;
-#endif
+    const float depth = s.depth + s.slope.x * dx;
+    Sums sums = NO_SUMS;
+    [[unroll]] for (uint j = 0u; j < 2u; ++j) {
+        if (shows[j]) {
+            // As where a thread owns one pixel: centre minus mean, rounded once.
+            precise float dy = (center.y + float(j * BLOCK_H)) - s.y;
+            blend_back(pixels[j], sums, s, along, depth, dy, place);
+        }
+    }
     float mean_x, mean_y;
     vec3 conic;
     columns(sums, s, dx, along, mean_x, mean_y, conic);
     const vec2 abs_mean = TWO_LN_2 * sums.abs_mean;
-    add_up(row, float[16](mean_x, mean_y, conic.x, conic.y, conic.z, sums.v.x * staged_inverse[k],
+    column = float[16](mean_x, mean_y, conic.x, conic.y, conic.z, sums.v.x * staged_inverse[k],
         sums.colour.r, sums.colour.g, sums.colour.b, sums.aux.x, abs_mean.x, abs_mean.y,
-        sums.aux.y, sums.aux.z, sums.aux.w, 0.0));
-    return true;
+        sums.aux.y, sums.aux.z, sums.aux.w, 0.0);
+    return sums.hit;
 }
 
+// Bits of the staged splats 32 word to 32 word + 31 that touch the upper and the lower block of this thread's pixels.
+// With APART equal in all lanes of the subgroup, which may have several blocks.
+uvec2 shown_in(uint upper, uint word) {
+    uvec2 bits = uvec2(~0u);
 #ifdef APART
-// Bits of the staged splats 32 word to 32 word + 31 that touch a block of this subgroup. Equal in all lanes of the
-// subgroup.
-uint subgroup_touched(uint word) {
-    const uint first = (pixel_rank() - subgroup_lane()) / BLOCK_PIXELS;
-    uint bits = touched[first * TOUCH_WORDS + word];
-    for (uint b = 1u; b < subgroup_width() / BLOCK_PIXELS; ++b) bits |= touched[(first + b) * TOUCH_WORDS + word];
+    if (BLOCK != 0u) {
+        bits = uvec2(0u);
+        const uint first = upper - subgroup_lane() / BLOCK_PIXELS * 2u;
+        for (uint b = 0u; b < max(subgroup_width() / BLOCK_PIXELS, 1u); ++b) {
+            bits.x |= touched[(first + 2u * b) * TOUCH_WORDS + word];
+            bits.y |= touched[(first + 2u * b + 1u) * TOUCH_WORDS + word];
+        }
+    }
+#endif
     return bits;
 }
-
-uint low_bits(uint count) { return count < 32u ? (1u << count) - 1u : ~0u; }
 
 #ifdef SLOTS
 // Adds the subgroups' sums for the staged splats from k0 on, in the order of the subgroups, and stores the results.
@@ -297,78 +314,121 @@ void add_subgroups(uint k0, uint count) {
     }
 }
 #endif
-#endif
+
+// A pixel that goes on behind the chunk begins with its state there.
+void begin_chunk(inout Pixel pixel, uint at) {
+    const vec4 state = states[at];
+    float behind = dot(state.rgb, pixel.grad) + pixel.transmittance * pixel.behind;
+    if (AUX != 0u) behind += dot(states[at + 1u], pixel.grad_aux);
+    pixel.behind = behind / state.w;
+    pixel.transmittance = state.w;
+}
 
 void main() {
-    const uint tile = group_index();
+    const uint tile = group_index() / CHUNKS;
+    const uint part = group_index() % CHUNKS;
     const bool real = tile < tile_total(SIDE);
     const uvec2 range = real ? tile_ranges[tile] : uvec2(0u);
+    const uint total = range.y - range.x;
+    // The chunk: empty behind the end of the list.
+    const uint low = min(part * chunk_splats(total), total);
+    const uint chunk_end = min(low + chunk_splats(total), total);
     const uint t = local_index();
     const uvec2 corner = tile_corner(tile, SIDE);
-    const uvec2 at = corner + pixel_place(pixel_rank());
-    const vec2 center = vec2(at) + 0.5;
-    Pixel pixel = load_pixel(at, real && at.x < push.width && at.y < push.height);
+    const uint rank = workgroup_rank();
+    const uint upper = rank / BLOCK_PIXELS * 2u;
+    const uvec2 places[2] = uvec2[2](pixel_place(upper, rank % BLOCK_PIXELS), pixel_place(upper + 1u, rank % BLOCK_PIXELS));
+    const vec2 center = vec2(corner + places[0]) + 0.5;
 
+    Pixel pixels[2];
+    [[unroll]] for (uint j = 0u; j < 2u; ++j) {
+        const uvec2 at = corner + places[j];
+        pixels[j] = load_pixel(at, low < chunk_end && at.x < push.width && at.y < push.height);
+    }
     if (t == 0u) most = 0u;
     barrier();
-    atomicMax(most, pixel.last);
+    atomicMax(most, max(pixels[0].last, pixels[1].last));
     barrier();
-    const uint top = min(most, range.y - range.x);
-#ifdef APART
-    const uint own_top = subgroup_max(pixel.last);
-#endif
+    // Splats of the chunk that any pixel reaches end here.
+    const uint high = max(min(most, chunk_end), low);
 
 #ifdef SLOTS
-    for (uint i = range.x + top; i < range.y; ++i) {
-        if (t < (AUX != 0u ? 15u : 12u)) store_grad(sorted_slots[i], t, 0.0);
+    for (uint i = high; i < chunk_end; ++i) {
+        if (t < (AUX != 0u ? 15u : 12u)) store_grad(sorted_slots[range.x + i], t, 0.0);
     }
 #endif
-
-    for (uint left = top; left > 0u; left -= min(left, BATCH)) {
-        const uint n = min(left, BATCH);
-        barrier();
-#ifdef APART
-        if (BLOCK != 0u) {
-            clear_blocks();
-            barrier();
+    if (CHUNKS > 1u && high > low) {
+        [[unroll]] for (uint j = 0u; j < 2u; ++j) {
+            if (pixels[j].last > high) begin_chunk(pixels[j], state_at(tile, part, places[j]));
         }
+    }
+#ifdef APART
+    const uint own_top = subgroup_max(max(pixels[0].last, pixels[1].last));
+#else
+    const uint own_top = high;
 #endif
+
+    // Batches of the forward pass, whose masks are by words.
+    for (uint ahead = high - low; ahead > 0u; ahead -= (ahead - 1u) % BATCH + 1u) {
+        const uint n = (ahead - 1u) % BATCH + 1u;
+        const uint base = low + ahead - n;
+        barrier();
         if (t < n) {
-            const uint pair = range.x + left - 1u - t;
+            const uint pair = range.x + base + t;
             const Splat s = load_splat(sorted_splats[pair]);
             stage(t, s);
             staged_inverse[t] = s.opacity > 0.0 ? 1.0 / s.opacity : 0.0;
             staged_row[t] = row_of(pair);
         }
 #ifdef APART
-        if (BLOCK != 0u && t % BATCH < n) {
-            const uint splat = sorted_splats[range.x + left - 1u - t % BATCH];
-            touch_blocks(LOAD4(splat2d, 3u * splat), LOAD4(splat2d, 3u * splat + 1u), corner);
+        if (BLOCK != 0u && t < BLOCKS * TOUCH_WORDS && 32u * (t % TOUCH_WORDS) < n) {
+            touched[t] = masks[mask_at(tile, range.x, base / 32u + t % TOUCH_WORDS, t / TOUCH_WORDS)];
         }
+#endif
         barrier();
         // A subgroup skips splats after the last contributor of all its pixels.
-        const uint begin = min(left - min(left, own_top), n);
+        const uint own = min(own_top - min(own_top, base), n);
 #ifdef SLOTS
-        // Every subgroup reaches this point for every part, because all subgroups add the sums.
-        const uint first = 0u;
-        const uint step = part_splats();
+        // Every subgroup reaches every part, because all subgroups add the sums.
+        const uint walked = n;
 #else
-        const uint first = begin / 32u * 32u;
-        const uint step = 32u;
+        const uint walked = own;
 #endif
-        for (uint k0 = first; k0 < n; k0 += step) {
-            const uint count = min(step, n - k0);
-            const uint behind = low_bits(begin - min(begin, k0));
-            const uint shown = BLOCK == 0u ? ~0u : subgroup_touched(k0 / 32u) >> k0 % 32u;
+        for (uint left = (walked + part_splats() - 1u) / part_splats(); left > 0u; left -= 1u) {
+            const uint k0 = (left - 1u) * part_splats();
+            const uint count = min(part_splats(), n - k0);
+            const uvec2 shown = shown_in(upper, k0 / 32u) >> k0 % 32u;
+            const uint some = (shown.x | shown.y) & low_bits(count) & low_bits(own - min(own, k0));
 #ifdef SLOTS
             uint has = 0u;
 #endif
-            for (uint bits = shown & low_bits(count) & ~behind; bits > 0u; bits -= bits & (~bits + 1u)) {
-                const uint j = uint(findLSB(bits));
+            // From the highest bit to the lowest: back to front.
+            uint bits = some;
+            for (uint turn = 0u; turn < (uint(bitCount(some)) + 1u) / 2u; ++turn) {
+                float columns[2][16];
+                uint rows[2];
+                bool hits[2];
+                uint taken = 0u;
+                [[unroll]] for (uint u = 0u; u < 2u; ++u) {
+                    const bool there = bits > 0u;
+                    const uint j = there ? uint(findMSB(bits)) : 0u;
+                    const uint bit = there ? 1u << j : 0u;
+                    bits &= ~bit;
+                    const bool shows[2] = bool[2]((shown.x & bit) != 0u, (shown.y & bit) != 0u);
+                    hits[u] = take(pixels, shows, k0 + j, base + k0 + j + 1u, center, columns[u]);
+                    taken |= bit;
 #ifdef SLOTS
-                if (blend_splat(pixel, k0 + j, j, center, left - k0 - j)) has |= 1u << j;
+                    rows[u] = j;
 #else
-                blend_splat(pixel, k0 + j, staged_row[k0 + j], center, left - k0 - j);
+                    rows[u] = staged_row[k0 + j];
+#endif
+                }
+#ifdef APART
+                if (!subgroup_any(hits[0] || hits[1])) continue;
+#endif
+                add_up_two(uint(bitCount(taken)), rows, columns);
+#ifdef SLOTS
+                has |= taken;
 #endif
             }
 #ifdef SLOTS
@@ -378,10 +438,6 @@ void main() {
             barrier();
 #endif
         }
-#else
-        barrier();
-        for (uint k = 0u; k < n; ++k) blend_splat(pixel, k, staged_row[k], center, left - k);
-#endif
     }
     if (COUNT != 0u) {
         atomicAdd(pair_counts[BACKWARD_EVALUATED], evaluated);

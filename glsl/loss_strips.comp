@@ -1,12 +1,11 @@
 #version 460
-// loss_strips: SSIM and its derivatives with respect to the moments; the derivatives are filtered by the window along
-// columns. One subgroup owns a strip, one column per lane and SEGMENT rows (or all rows of a smaller image), and walks
-// down the strip; one thread owns a column. APART, for GPUs, which a small image leaves idle: a subgroup owns one
-// channel of a strip. THREE, for CPU devices, which merge all changed variables at every turn of a loop: a turn takes
-// three rows.
+// loss_strips: SSIM and its derivatives with respect to the moments. One subgroup owns a strip, one column per lane and
+// SEGMENT rows (or all rows of a smaller image), and walks down the strip; one thread owns a column. subgroup, for CPU
+// devices: all channels, and the derivatives are filtered by the window along columns. These devices merge all changed
+// variables at every turn of a loop, so a turn takes three rows. APART, for GPUs, where few registers and many subgroups
+// count: a subgroup owns one channel of a strip, and loss_grad filters the derivatives.
 //! variant subgroup
-//! variant subgroup_three THREE
-//! variant subgroup_apart APART
+//! variant apart APART
 //! variant emulated SUBGROUP_EMULATED APART
 //! texels
 #extension GL_GOOGLE_include_directive : require
@@ -23,17 +22,13 @@ layout(set = 0, binding = 6) readonly buffer Saliency { float saliency[]; };
 #include "loss_weight.glsl"
 
 #ifdef APART
-#define CHANNELS 1u
-#else
-#define CHANNELS 3u
-#endif
-#ifdef THREE
-const uint ROWS = 3u;
-#else
 const uint ROWS = 1u;
+// Rows that a strip reads beyond each of its ends.
+const uint REACH = WINDOW_RADIUS;
+#else
+const uint ROWS = 3u;
+const uint REACH = 2u * WINDOW_RADIUS;
 #endif
-// First channel of this subgroup.
-uint first_channel() { return owner() % (3u / CHANNELS); }
 
 // Per channel (x, x - y, (x - y)^2, x^2 + y^2); x and y are relative to the pivot.
 struct Moments {
@@ -90,28 +85,41 @@ void main() {
     const uint strip = owner() / (3u / CHANNELS);
     const uint column = strip % strips * lanes + subgroup_lane();
     const uint segment = strip / strips;
+#ifdef APART
+    const uvec2 columns = columns_beside(column, lanes);
+#endif
     const uint first = segment * SEGMENT;
     const uint end = min(first + SEGMENT, push.height);
     // Equal for all strips, because emulated subgroups of a workgroup share barriers.
-    const uint walked = min(SEGMENT, push.height) + 4u * WINDOW_RADIUS;
+    const uint walked = min(SEGMENT, push.height) + 2u * REACH;
     Window moments[CHANNELS];
+    [[unroll]] for (uint c = 0u; c < CHANNELS; ++c) moments[c] = window_empty();
+#ifndef APART
     Window back[CHANNELS];
-    [[unroll]] for (uint c = 0u; c < CHANNELS; ++c) moments[c] = back[c] = window_empty();
+    [[unroll]] for (uint c = 0u; c < CHANNELS; ++c) back[c] = window_empty();
+#endif
     float sum = 0.0;
     // Bit j: whether this column's pixel of j rows ago counts (is not masked).
     uint counts = 0u;
-    // Turn i reads row i - 10, computes SSIM at row i - 15, and finishes the derivatives at row i - 20. Rows before the
-    // first wrap to large numbers, which are outside, as are rows past the last.
+    // Turn i reads row i - REACH, computes SSIM five rows before, and without APART finishes the derivatives five rows
+    // before that. Rows before the first wrap to large numbers, which are outside, as are rows past the last.
     uint at = first;
     do {
         [[unroll]] for (uint u = 0u; u < ROWS; ++u) {
             const uint i = at + u;
-            const uint taken = i - 2u * WINDOW_RADIUS;
+            const uint taken = i - REACH;
             const uint center = taken - WINDOW_RADIUS;
+            const Moments here = moments_at(column, taken);
+#ifdef APART
+            const uint done = center;
+            const Moments left = moments_at(columns.x, taken);
+            Moments right = left;
+            if (lanes < 2u * WINDOW_RADIUS) right = moments_at(columns.y, taken);
+#else
             const uint done = center - WINDOW_RADIUS;
             const Moments left = moments_at(column - lanes, taken);
-            const Moments here = moments_at(column, taken);
             const Moments right = moments_at(column + lanes, taken);
+#endif
             counts = counts << 1 | uint(here.counts);
             const bool center_counts = (counts >> WINDOW_RADIUS & 1u) != 0u;
             const float weight = center_counts ? weight_at(center * push.width + column) : 0.0;
@@ -121,7 +129,10 @@ void main() {
                 vec4 derivatives;
                 const float value = ssim(mean, derivatives);
                 sum += center >= first && center < end && center_counts ? value : 0.0;
-                spread[c] = window_take(back[c], center_counts ? weight * derivatives : vec4(0.0));
+                spread[c] = center_counts ? weight * derivatives : vec4(0.0);
+#ifndef APART
+                spread[c] = window_take(back[c], spread[c]);
+#endif
             }
             if (done >= first && done < end && column < push.width) {
                 const uint k = 3u * (done * push.width + column);

@@ -302,3 +302,35 @@ fn tables_of_the_results_page_are_those_of_the_kept_rows() {
     };
     assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
 }
+
+/// The drivers are unpacked by `tools/bench/offline-gpu --fetch` into `target/offline-gpu`, or lie in
+/// `$PSRGS_OFFLINE_GPU`.
+#[test]
+fn registers_are_those_that_the_compilers_tell() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = std::env::var_os("PSRGS_OFFLINE_GPU").map_or(root.join("target/offline-gpu"), PathBuf::from);
+    let Ok(version) = fs::read_to_string(folder.join("version")) else {
+        return skips::left_out(format!("no drivers in {} (tools/bench/offline-gpu --fetch)", folder.display()));
+    };
+    let document = fs::read_to_string(root.join("docs/PERFORMANCE.md")).unwrap();
+    let after = document.split("### Registers, without a GPU").nth(1).expect("the section");
+    let table = after.split("```").nth(1).expect("the table").strip_prefix("text\n").expect("plain text");
+    let (first, rows) = table.split_once('\n').unwrap();
+    if first.strip_prefix("Mesa ") != Some(version.trim()) {
+        return skips::left_out(format!("the table is of {first}, the drivers are of {}", version.trim()));
+    }
+    let asked = Command::new(root.join("tools/bench/offline-gpu"))
+        .arg("--folder")
+        .arg(&folder)
+        .env("PSRGS_VK", env!("CARGO_BIN_EXE_psrgs-vk"))
+        .output()
+        .unwrap();
+    assert!(asked.status.success(), "{}", String::from_utf8_lossy(&asked.stderr));
+    let told = String::from_utf8(asked.stdout).unwrap();
+    let words = |line: &str| line.split_whitespace().collect::<Vec<_>>().join(" ");
+    let told: Vec<String> = told.lines().map(words).collect();
+    assert!(rows.lines().count() > 15, "{rows}");
+    for row in rows.lines().map(words).filter(|row| !row.is_empty()) {
+        assert!(told.contains(&row), "the compilers do not tell: {row}");
+    }
+}

@@ -1,32 +1,29 @@
-// The PIXEL shape: tiles of 16x16 pixels, a workgroup of 256 threads per tile, one thread per pixel. For devices with
-// wide subgroups and real shared memory: splats are staged there in batches. Pixels are assigned in Morton order, so
-// that the threads of a subgroup own a block: 4x2 pixels at a width of 8, 8x4 at 32, 8x8 at 64.
+// The PIXEL shape: tiles of 16x16 pixels, a workgroup per tile (blend_backward: per chunk of a tile's list), THREAD_PIXELS
+// pixels per thread. For devices with wide subgroups and real shared memory: splats are staged there in batches. A
+// subgroup owns THREAD_PIXELS blocks of pixels, see blocks.glsl. Before including: `#define THREAD_PIXELS n`.
 #ifndef BLEND_PIXEL_GLSL
 #define BLEND_PIXEL_GLSL
 
 #extension GL_EXT_control_flow_attributes : require
+#if THREAD_PIXELS == 1
 #define LOCAL_SIZE 256
+#else
+#define LOCAL_SIZE 128
+#endif
 #ifdef WITH_SUBGROUPS
 #include "subgroup.glsl"
 #endif
 #include "blend.glsl"
 
-layout(local_size_x = 256) in;
+layout(local_size_x = LOCAL_SIZE) in;
 
 const uint SIDE = 16u;
 const uint BATCH = 128u;
 
-// This thread's rank in the Morton order of pixels.
-#ifdef WITH_SUBGROUPS
-uint pixel_rank() { return workgroup_rank(); }
-#else
-uint pixel_rank() { return local_index(); }
-#endif
+#include "blocks.glsl"
+#include "chunks.glsl"
 
-// Position of a pixel in the tile: the even bits of the rank are x, the odd bits y.
-uvec2 pixel_place(uint rank) {
-    const uvec2 bits = uvec2(rank, rank >> 1u);
-    return (bits & 1u) | (bits >> 1u & 2u) | (bits >> 2u & 4u) | (bits >> 3u & 8u);
-}
+// The lowest `count` bits, all 32 where there are more.
+uint low_bits(uint count) { return count < 32u ? (1u << count) - 1u : ~0u; }
 
 #endif

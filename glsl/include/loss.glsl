@@ -45,4 +45,22 @@ layout(push_constant) uniform Push {
 // Number of this subgroup in the dispatch, which determines its strip or row.
 uint owner() { return group_index() * subgroup_count() + subgroup_number(); }
 
+// APART: a subgroup owns one channel.
+#ifdef APART
+#define CHANNELS 1u
+#else
+#define CHANNELS 3u
+#endif
+
+// First channel of this subgroup.
+uint first_channel() { return owner() % (3u / CHANNELS); }
+
+// The columns beside a strip that a lane loads for its neighbours, see window_across: only the lanes at the strip's edges
+// load any, and in a subgroup of at least 10 lanes one each, x. Narrower subgroups load a second, y. ~0 for none.
+uvec2 columns_beside(uint column, uint lanes) {
+    const uint lane = subgroup_lane();
+    const uint beside = lane < WINDOW_RADIUS ? column + lanes : lane >= lanes - WINDOW_RADIUS ? column - lanes : ~0u;
+    return lanes < 2u * WINDOW_RADIUS ? uvec2(column - lanes, column + lanes) : uvec2(beside, ~0u);
+}
+
 #endif

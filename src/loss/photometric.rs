@@ -52,9 +52,7 @@ impl PhotometricLoss {
             layout.apart = 3;
             (&loss::STRIPS_EMULATED, &loss::GRAD_EMULATED)
         } else if layout.apart == 3 {
-            (&loss::STRIPS_SUBGROUP_APART, &loss::GRAD_SUBGROUP)
-        } else if gpu.caps().kind == DeviceKind::Cpu {
-            (&loss::STRIPS_SUBGROUP_THREE, &loss::GRAD_SUBGROUP)
+            (&loss::STRIPS_APART, &loss::GRAD_APART)
         } else {
             (&loss::STRIPS_SUBGROUP, &loss::GRAD_SUBGROUP)
         };
@@ -64,7 +62,9 @@ impl PhotometricLoss {
             let one = |weights: u32| -> Result<[Option<Pipeline>; 2], vk::Error> {
                 let weights = ("WEIGHTED", weights);
                 let strips = gpu.pipeline(&strips.kernel, &[lanes, segment, bits, weights])?;
-                Ok([Some(strips), Some(gpu.pipeline(&grad.kernel, &[lanes, bits, weights])?)])
+                let mut of_grad = vec![lanes, bits, weights];
+                of_grad.extend((layout.apart > 1).then_some(segment));
+                Ok([Some(strips), Some(gpu.pipeline(&grad.kernel, &of_grad)?)])
             };
             let [plain_strips, plain_grad] = one(0)?;
             let [strips, grad] = if weighted { one(1)? } else { [None, None] };

@@ -2,7 +2,7 @@
 //! summation.
 
 use super::alpha_min::ALPHA_MIN;
-use super::blend_forward::{AUX, BLOCK, COUNT, Push};
+use super::blend_forward::{AUX, BLOCK, CHUNKS, COUNT, Push};
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 
@@ -15,12 +15,12 @@ pub(super) const EMULATED_WIDTH_8: Constant = Constant { id: 100, name: "EMULATE
 const EMULATED_WIDTH: Constant = Constant { id: 100, name: "EMULATED_WIDTH", default: 32 };
 
 const CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, ALPHA_MIN];
-const BLOCK_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, BLOCK, ALPHA_MIN];
-const EMULATED_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH, ALPHA_MIN];
+const PIXEL_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, BLOCK, CHUNKS, ALPHA_MIN];
+const EMULATED_CONSTANTS: &[Constant] = &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH, CHUNKS, ALPHA_MIN];
 
 /// Slots: the pass writes every row of `slot_grads` of a pair in the tile lists, zeros included, and no other row. The
 /// pass also reads `slot_grads`, but only to prefetch the row.
-const SLOT_BINDINGS: &[Binding] = &[
+const SLOT_BINDINGS: &[Binding; 12] = &[
     read("splat2d"),
     read("normals"),
     read("sorted_splats"),
@@ -36,7 +36,7 @@ const SLOT_BINDINGS: &[Binding] = &[
 ];
 
 /// Atomic and compare-and-swap: `grad2d` (and `grad_normals` when AUX) must be zero beforehand.
-const SUM_BINDINGS: &[Binding] = &[
+const SUM_BINDINGS: &[Binding; 11] = &[
     read("splat2d"),
     read("normals"),
     read("sorted_splats"),
@@ -50,7 +50,27 @@ const SUM_BINDINGS: &[Binding] = &[
     read_write("pair_counts"),
 ];
 
-/// Whether a thread owns a column or a pixel.
+/// Bindings `FROM`, with those of what the forward pass keeps: `masks`, used only with BLOCK, and `states`, used only with
+/// CHUNKS above 1. Emulated subgroups have no masks.
+const fn kept<const N: usize, const M: usize>(from: &[Binding; N], masks: bool) -> [Binding; M] {
+    let mut all = [read("states"); M];
+    let mut i = 0;
+    while i < N {
+        all[i] = from[i];
+        i += 1;
+    }
+    if masks {
+        all[N] = read("masks");
+    }
+    all
+}
+
+const PIXEL_SLOT_BINDINGS: &[Binding] = &kept::<12, 14>(SLOT_BINDINGS, true);
+const PIXEL_SUM_BINDINGS: &[Binding] = &kept::<11, 13>(SUM_BINDINGS, true);
+const EMULATED_SLOT_BINDINGS: &[Binding] = &kept::<12, 13>(SLOT_BINDINGS, false);
+const EMULATED_SUM_BINDINGS: &[Binding] = &kept::<11, 12>(SUM_BINDINGS, false);
+
+/// Whether a thread owns a column or two pixels.
 #[derive(Clone, Copy)]
 enum Owned {
     Columns,
@@ -65,15 +85,21 @@ const fn pass(name: &'static str, owned: Owned, bindings: &'static [Binding], co
             bindings,
             push_bytes: Push::BYTES,
             constants,
-            local_size: Some(if matches!(owned, Owned::Columns) { 8 } else { 256 }),
+            local_size: Some(if matches!(owned, Owned::Columns) { 8 } else { 128 }),
         },
         doc: match owned {
             Owned::Columns => {
                 "One thread owns a column of 8 pixels; a workgroup of 8 threads owns a tile of 8x8 pixels."
             }
-            Owned::Pixels => "One thread owns a pixel; a workgroup of 256 threads owns a tile of 16x16 pixels.",
+            Owned::Pixels => {
+                "One thread owns two pixels; a workgroup of 128 threads owns a tile of 16x16 pixels, with CHUNKS one chunk \
+                 of its list."
+            }
         },
-        dispatch: "one workgroup per tile",
+        dispatch: match owned {
+            Owned::Columns => "one workgroup per tile",
+            Owned::Pixels => "CHUNKS workgroups per tile",
+        },
         push: Push::FIELDS,
     }
 }
@@ -91,15 +117,15 @@ pub const COLUMN_EMULATED_SLOTS: Pass = pass(
     SLOT_BINDINGS,
     &[AUX, COUNT, ABS, CLAMP_GRADIENT_PASSES, EMULATED_WIDTH_8, ALPHA_MIN],
 );
-/// PIXEL shape, partial sums to slots: deterministic, sums through shared memory.
-pub const PIXEL_SLOTS: Pass = pass("blend_backward_pixel_slots", Owned::Pixels, SLOT_BINDINGS, CONSTANTS);
 /// PIXEL shape, subgroup sums to slots: deterministic for a given subgroup width.
-pub const PIXEL_APART_SLOTS: Pass =
-    pass("blend_backward_pixel_apart_slots", Owned::Pixels, SLOT_BINDINGS, BLOCK_CONSTANTS);
+pub const PIXEL_SLOTS: Pass = pass("blend_backward_pixel_slots", Owned::Pixels, PIXEL_SLOT_BINDINGS, PIXEL_CONSTANTS);
 /// PIXEL shape, subgroup sums and native float atomics (needs `shaderBufferFloat32AtomicAdd`).
-pub const PIXEL_ATOMIC: Pass = pass("blend_backward_pixel_atomic", Owned::Pixels, SUM_BINDINGS, BLOCK_CONSTANTS);
+pub const PIXEL_ATOMIC: Pass = pass("blend_backward_pixel_atomic", Owned::Pixels, PIXEL_SUM_BINDINGS, PIXEL_CONSTANTS);
 /// PIXEL shape, subgroup sums and compare-and-swap.
-pub const PIXEL_CAS: Pass = pass("blend_backward_pixel_cas", Owned::Pixels, SUM_BINDINGS, BLOCK_CONSTANTS);
+pub const PIXEL_CAS: Pass = pass("blend_backward_pixel_cas", Owned::Pixels, PIXEL_SUM_BINDINGS, PIXEL_CONSTANTS);
+/// PIXEL shape, sums of emulated subgroups to slots. All threads walk every splat.
+pub const PIXEL_EMULATED_SLOTS: Pass =
+    pass("blend_backward_pixel_emulated_slots", Owned::Pixels, EMULATED_SLOT_BINDINGS, EMULATED_CONSTANTS);
 /// PIXEL shape, emulated subgroups of any width and compare-and-swap: needs no optional feature.
 pub const PIXEL_EMULATED_CAS: Pass =
-    pass("blend_backward_pixel_emulated_cas", Owned::Pixels, SUM_BINDINGS, EMULATED_CONSTANTS);
+    pass("blend_backward_pixel_emulated_cas", Owned::Pixels, EMULATED_SUM_BINDINGS, EMULATED_CONSTANTS);

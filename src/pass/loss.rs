@@ -74,7 +74,7 @@ pub struct LossLayout {
     pub height: u32,
     /// Subgroup width: a power of two, at least 8.
     pub lanes: u32,
-    /// Rows of a strip: the constant SEGMENT. Each strip reads 20 additional rows.
+    /// Rows of a strip: the constant SEGMENT. Each strip reads 10 additional rows, 20 with all channels.
     pub segment: u32,
     /// Subgroups per strip: 3 with one channel each, or 1 with all channels.
     pub apart: u32,
@@ -82,17 +82,13 @@ pub struct LossLayout {
 
 impl LossLayout {
     /// The layout for a device's subgroup width. Devices with 8 lanes are CPUs with few cores. Devices with wide
-    /// subgroups need many subgroups at work. So in small images a subgroup takes one channel of a short strip,
-    /// although short strips read more additional rows in total.
+    /// subgroups need many subgroups at work, with few registers each. So a subgroup takes one channel of a strip, and
+    /// strips are short in small images, although short strips read more additional rows in total.
     pub const fn new(width: u32, height: u32, lanes: u32) -> Self {
         if lanes <= LEAST_LANES {
             return Self { width, height, lanes, segment: 1024, apart: 1 };
         }
-        let together = Self { width, height, lanes, segment: LONG, apart: 1 };
-        if together.strips() >= ENOUGH_STRIPS {
-            return together;
-        }
-        let mut apart = Self { apart: 3, ..together };
+        let mut apart = Self { width, height, lanes, segment: LONG, apart: 3 };
         while apart.segment > SHORT && apart.strips() < ENOUGH_STRIPS {
             apart.segment /= 2;
         }
@@ -110,9 +106,9 @@ impl LossLayout {
         self.strips() * self.lanes as u64
     }
 
-    /// Threads of the gradient: one subgroup per row.
+    /// Threads of the gradient: one subgroup per row, or with channels apart as many as of the strips.
     pub const fn grad_threads(&self) -> u64 {
-        self.height as u64 * self.lanes as u64
+        if self.apart > 1 { self.strip_threads() } else { self.height as u64 * self.lanes as u64 }
     }
 
     /// Floats of `ssim_parts`.
@@ -122,7 +118,7 @@ impl LossLayout {
 
     /// Floats of `l1_parts`.
     pub const fn l1_parts(&self) -> u32 {
-        self.height * self.lanes
+        if self.apart > 1 { self.ssim_parts() } else { self.height * self.lanes }
     }
 
     /// Floats of each of the three planes.
@@ -171,34 +167,58 @@ const fn strips(name: &'static str, constants: &'static [Constant], local_size: 
     }
 }
 
-const fn grad(name: &'static str, constants: &'static [Constant], local_size: Option<u32>) -> Pass {
+const fn grad(
+    name: &'static str,
+    doc: &'static str,
+    dispatch: &'static str,
+    constants: &'static [Constant],
+    local_size: Option<u32>,
+) -> Pass {
     Pass {
         kernel: Kernel { name, spirv: module(name), bindings: GRAD, push_bytes: Push::BYTES, constants, local_size },
-        doc: "One subgroup owns a row and walks along it, as many pixels at a time as it has lanes.",
-        dispatch: "one subgroup per row",
+        doc,
+        dispatch,
         push: Push::FIELDS,
     }
 }
 
-/// SSIM and its derivatives, filtered by the window along columns. LOCAL_SIZE is the subgroup width.
+/// SSIM and its derivatives, filtered by the window along columns. LOCAL_SIZE is the subgroup width. For CPU devices.
 pub const STRIPS_SUBGROUP: Pass =
     strips("loss_strips_subgroup", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
-/// [`STRIPS_SUBGROUP`] with three rows per loop turn. For CPU devices, which at every turn merge all changed variables
-/// under the mask of active lanes.
-pub const STRIPS_SUBGROUP_THREE: Pass =
-    strips("loss_strips_subgroup_three", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
-/// [`STRIPS_SUBGROUP`] with one channel of a strip per subgroup. For subgroups wider than [`LEAST_LANES`].
-pub const STRIPS_SUBGROUP_APART: Pass =
-    strips("loss_strips_subgroup_apart", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
-/// [`STRIPS_SUBGROUP_APART`] with emulated subgroups.
+/// SSIM and its derivatives, with one channel of a strip per subgroup. For GPUs.
+pub const STRIPS_APART: Pass = strips("loss_strips_apart", &[LOCAL_SIZE, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], None);
+/// [`STRIPS_APART`] with emulated subgroups.
 pub const STRIPS_EMULATED: Pass =
     strips("loss_strips_emulated", &[EMULATED_WIDTH, SEGMENT, PHOTOGRAPH_BITS, WEIGHTED], Some(EMULATED_LOCAL_SIZE));
+
+const APART_DOC: &str = "One subgroup owns one channel of a strip, as in the strips; one thread owns a column of it.";
+
 /// Filters by the window along rows, and computes the gradient with respect to the render. LOCAL_SIZE is the subgroup
-/// width.
-pub const GRAD_SUBGROUP: Pass = grad("loss_grad_subgroup", &[LOCAL_SIZE, PHOTOGRAPH_BITS, WEIGHTED], None);
-/// [`GRAD_SUBGROUP`] with emulated subgroups.
-pub const GRAD_EMULATED: Pass =
-    grad("loss_grad_emulated", &[EMULATED_WIDTH, PHOTOGRAPH_BITS, WEIGHTED], Some(EMULATED_LOCAL_SIZE));
+/// width. Follows [`STRIPS_SUBGROUP`].
+pub const GRAD_SUBGROUP: Pass = grad(
+    "loss_grad_subgroup",
+    "One subgroup owns a row and walks along it, as many pixels at a time as it has lanes.",
+    "one subgroup per row",
+    &[LOCAL_SIZE, PHOTOGRAPH_BITS, WEIGHTED],
+    None,
+);
+/// Filters by the window along columns and rows, and computes the gradient with respect to the render. Follows
+/// [`STRIPS_APART`].
+pub const GRAD_APART: Pass = grad(
+    "loss_grad_apart",
+    APART_DOC,
+    "one subgroup per strip and channel",
+    &[LOCAL_SIZE, PHOTOGRAPH_BITS, WEIGHTED, SEGMENT],
+    None,
+);
+/// [`GRAD_APART`] with emulated subgroups.
+pub const GRAD_EMULATED: Pass = grad(
+    "loss_grad_emulated",
+    APART_DOC,
+    "one subgroup per strip and channel",
+    &[EMULATED_WIDTH, PHOTOGRAPH_BITS, WEIGHTED, SEGMENT],
+    Some(EMULATED_LOCAL_SIZE),
+);
 
 /// Sums the parts of the loss in a fixed order.
 pub const SUM: Pass = Pass {

@@ -28,8 +28,8 @@ fn columns_by_hardware(gpu: &Gpu) -> bool {
 }
 
 /// Pixels of a block that splats are tested against: the pixels of one subgroup.
-fn block(gpu: &Gpu) -> (&'static str, u32) {
-    ("BLOCK", gpu.caps().subgroup.width().clamp(8, 256))
+pub(super) fn block(gpu: &Gpu) -> (&'static str, u32) {
+    ("BLOCK", gpu.caps().subgroup.width().clamp(8, 128))
 }
 
 /// The emission of pairs. By whole subgroups where subgroups are wide: there, one splat with many tiles would keep many
@@ -72,8 +72,8 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<ChosenPass
         (Column, _) => {
             return lacks("subgroups of width 8", "gradients of column tiles without slots");
         }
-        (Pixel, Slots) if hardware => ChosenPass::with(&backward::PIXEL_APART_SLOTS, &[block]),
-        (Pixel, Slots) => ChosenPass::plain(&backward::PIXEL_SLOTS),
+        (Pixel, Slots) if hardware => ChosenPass::with(&backward::PIXEL_SLOTS, &[block]),
+        (Pixel, Slots) => ChosenPass::with(&backward::PIXEL_EMULATED_SLOTS, &[width]),
         (Pixel, Atomic) if hardware => ChosenPass::with(&backward::PIXEL_ATOMIC, &[block]),
         (Pixel, CompareAndSwap) if hardware => ChosenPass::with(&backward::PIXEL_CAS, &[block]),
         (Pixel, CompareAndSwap) => ChosenPass::with(&backward::PIXEL_EMULATED_CAS, &[width]),

@@ -1,10 +1,12 @@
 //! Forward and backward pass of one view.
 
 mod backward;
+mod kept;
 
 pub use backward::{BackwardStep, GradientTerms, Gradients, ImageGradients};
 
 use backward::Backward;
+use kept::{Kept, KeptForm};
 
 use super::memory_footprint::MemoryFootprint;
 use super::pass_select;
@@ -108,7 +110,7 @@ struct ForwardForm {
 }
 
 impl ForwardPipelines {
-    fn new(gpu: &Gpu, variants: Variants, form: ForwardForm, count: bool) -> Result<Self, vk::Error> {
+    fn new(gpu: &Gpu, variants: Variants, form: ForwardForm, count: bool, kept: KeptForm) -> Result<Self, vk::Error> {
         let (side, aux) = (variants.tile.size(), ("AUX", u32::from(form.aux)));
         let alpha_min = alpha_min::constant(form.cutoff);
         let orthographic = ("ORTHOGRAPHIC", u32::from(form.orthographic));
@@ -116,6 +118,7 @@ impl ForwardPipelines {
         let chosen = pass_select::blend_forward(gpu, variants);
         let mut switches = vec![aux, ("COUNT", u32::from(count)), alpha_min];
         switches.extend(chosen.constants);
+        switches.extend(kept.of_forward());
         Ok(Self {
             project: gpu.pipeline(&pass_select::projection(gpu).kernel, &projection)?,
             projection,
@@ -146,6 +149,7 @@ pub struct Renderer {
     plan: Pipeline,
     colour: ForwardPipelines,
     all: ForwardPipelines,
+    kept: Kept,
     backward: Option<Backward>,
     splat_capacity: u32,
     pair_capacity: u32,
@@ -157,8 +161,11 @@ impl Renderer {
     /// Allocates buffers and creates pipelines for models and images of up to `size`.
     pub fn new(gpu: &Gpu, variants: Variants, size: Size) -> Result<Self, vk::Error> {
         let n = u64::from(size.splats.max(1));
-        let channels =
-            |aux: bool| ForwardPipelines::new(gpu, variants, ForwardForm { aux, ..ForwardForm::default() }, size.count);
+        let kept = Kept::new(gpu, variants, &size)?;
+        let channels = |aux: bool| {
+            let form = ForwardForm { aux, ..ForwardForm::default() };
+            ForwardPipelines::new(gpu, variants, form, size.count, kept.form())
+        };
         let counters = gpu.buffer("counters", 4 * counters::COUNT as u64, Memory::Device)?;
         let args = gpu.buffer("args", 16 * u64::from(ENTRIES), Memory::Device)?;
         let (splats, pairs, tiles) = (u64::from(size.splats), u64::from(size.pairs), u64::from(size.tiles));
@@ -172,7 +179,7 @@ impl Renderer {
             gpu.buffer("lists", for_lists, Memory::Device)?
         };
         let backward = if size.train {
-            Some(Backward::new(gpu, variants, &size, BufferRange::of(&early, 0..ROW_2D * n))?)
+            Some(Backward::new(gpu, variants, &size, BufferRange::of(&early, 0..ROW_2D * n), kept.form())?)
         } else {
             None
         };
@@ -196,6 +203,7 @@ impl Renderer {
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
             colour: channels(false)?,
             all: channels(size.aux)?,
+            kept,
             backward,
             splat_capacity: size.splats,
             pair_capacity: size.pairs,
@@ -387,7 +395,8 @@ impl Renderer {
         if cutoff.is_none() && !orthographic {
             return Ok(if aux { &self.all } else { &self.colour }.clone());
         }
-        ForwardPipelines::new(&self.gpu, self.variants, ForwardForm { cutoff, aux, orthographic }, self.counts)
+        let form = ForwardForm { cutoff, aux, orthographic };
+        ForwardPipelines::new(&self.gpu, self.variants, form, self.counts, self.kept.form())
     }
 
     /// Projects `model` and builds the splat list of every tile.
@@ -450,7 +459,11 @@ impl Renderer {
             &self.pair_counts,
             weights,
         ]);
-        let buffers = [splat2d, normals, lists.sorted_splats, lists.tile_ranges, image, aux, last, counted, weights];
+        let mut buffers =
+            vec![splat2d, normals, lists.sorted_splats, lists.tile_ranges, image, aux, last, counted, weights];
+        if self.kept.form().pixel {
+            buffers.extend(slices([&self.kept.masks, &self.kept.states]));
+        }
         recorder.dispatch(blend, &buffers, &view.blend_push(), Groups::Workgroups(self.tiles(width, height)))
     }
 
@@ -479,7 +492,7 @@ impl Renderer {
             fixed: self.counters.size() + self.args.size() + self.pair_counts.size() + self.no_weights.size(),
             ..MemoryFootprint::default()
         };
-        own + self.lists.held()
+        own + self.kept.held() + self.lists.held()
     }
 
     /// The device.

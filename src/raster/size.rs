@@ -46,6 +46,9 @@ pub struct Size {
     /// Whether splats on the image are listed in index order, for optimiser steps of only these splats. Takes a word
     /// more per splat.
     pub listed: bool,
+    /// Whether the backward pass also sums absolute values of the means' gradients over pixels, in columns 10 and 11 of
+    /// the gradients of the projected splats, for growth that is judged by them. Else the columns are 0.
+    pub absolute: bool,
     /// Whether evaluated and blended (pixel, splat) pairs are counted (slower; for benchmarks).
     pub count: bool,
     /// Whether gradients pass through the clamp of alpha at 0.99, as in the 3DGS reference.
@@ -53,8 +56,9 @@ pub struct Size {
 }
 
 impl Size {
-    /// Size for training on colour: only [`Size::train`] and [`Size::clamp_gradient_passes`] are on.
+    /// Size for training on colour: only [`Size::train`], [`Size::absolute`] and [`Size::clamp_gradient_passes`] are on.
     pub const fn training(splats: u32, pairs: u32, tiles: u32) -> Self {
-        Self { splats, pairs, tiles, aux: false, train: true, listed: false, count: false, clamp_gradient_passes: true }
+        let (aux, listed, count) = (false, false, false);
+        Self { splats, pairs, tiles, aux, train: true, listed, absolute: true, count, clamp_gradient_passes: true }
     }
 }

@@ -102,6 +102,7 @@ impl Viewer {
             aux: true,
             train: false,
             listed: false,
+            absolute: false,
             count: false,
             clamp_gradient_passes: false,
         };

@@ -183,7 +183,8 @@ impl Engine {
         };
         let aux = settings.geometry.has_loss();
         let listed = Optimiser::leaves_out(gpu, settings);
-        let size = Size { aux, listed, ..Size::training(splats, pairs, tiles) };
+        let absolute = settings.density.absgrad;
+        let size = Size { aux, listed, absolute, ..Size::training(splats, pairs, tiles) };
         Ok(Self {
             gpu: gpu.clone(),
             renderer: Renderer::new(gpu, variants, size)?,

@@ -187,13 +187,13 @@ pub fn run_column_sums(call: &mut TwinCall<'_>) {
     run_sums(call, COLUMN_SIDE, NO_BLOCKS);
 }
 
-/// Adapter over raw buffers: PIXEL tiles, slots.
-pub fn run_pixel_slots(call: &mut TwinCall<'_>) {
+/// Adapter over raw buffers: PIXEL tiles, slots, every splat at every pixel.
+pub fn run_whole_slots(call: &mut TwinCall<'_>) {
     run_slots(call, PIXEL_SIDE, NO_BLOCKS);
 }
 
 /// Adapter over raw buffers: PIXEL tiles, slots, with the constant BLOCK.
-pub fn run_pixel_apart_slots(call: &mut TwinCall<'_>) {
+pub fn run_pixel_slots(call: &mut TwinCall<'_>) {
     run_slots(call, PIXEL_SIDE, BLOCK);
 }
 

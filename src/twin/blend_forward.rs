@@ -1,7 +1,7 @@
 //! Twin of `glsl/blend_forward.comp`.
 
 use super::{Real, TwinCall};
-use crate::pass::blend_forward::{COLUMN_SIDE, PIXEL_SIDE, Push};
+use crate::pass::blend_forward::{COLUMN_SIDE, PIXEL_SIDE, Push, mask_words};
 use crate::scene::tile::{self, ALPHA_MIN, TileGrid};
 
 /// A pixel stops before the splat that would take its transmittance below this (Kerbl et al. 2023).
@@ -178,6 +178,27 @@ pub fn block_size(pixels: u32) -> Option<[u32; 2]> {
         _ => 16,
     };
     Some([width, pixels / width])
+}
+
+/// The words of `masks` for blocks of `pixels` pixels in tiles of the PIXEL shape: see `glsl/include/blocks.glsl`. Those
+/// of splats behind the last contributor of a tile are set too, which the device leaves out.
+pub fn masks(blend: &Blend<f32>, pixels: u32) -> Vec<u32> {
+    let Some([width, height]) = block_size(pixels) else { return Vec::new() };
+    let blend = Blend { block: Some([width, height]), ..blend.clone() };
+    let (rows, columns) = (PIXEL_SIDE / height, PIXEL_SIDE / width);
+    let blocks = rows * columns;
+    let mut words = vec![0; mask_words(blend.sorted.len() as u64, blend.ranges.len() as u64, pixels) as usize];
+    let across = (blend.width as u32).div_ceil(PIXEL_SIDE);
+    for (tile, &[begin, end]) in (0..).zip(&blend.ranges) {
+        for (place, block) in (0..end - begin).flat_map(|place| (0..blocks).map(move |block| (place, block))) {
+            let x = tile % across * PIXEL_SIDE + block / rows * width;
+            let y = tile / across * PIXEL_SIDE + block % rows * height;
+            if blend.evaluates(blend.sorted[(begin + place) as usize] as usize, x as usize, y as usize) {
+                words[((begin / 32 + tile + place / 32) * blocks + block) as usize] |= 1 << (place % 32);
+            }
+        }
+    }
+    words
 }
 
 /// The input buffers that both blending passes share. `block` is the index of the constant BLOCK, or [`NO_BLOCKS`].

@@ -217,9 +217,9 @@ pub struct Compared<'a, R> {
     pub width: usize,
 }
 
-/// `loss_strips`, one channel: SSIM's derivatives times the pixel's weight, summed along columns by the window, and the
-/// SSIM of each pixel. Both are 0 where the pixel does not count.
-pub fn strips<R: Real>(of: &Compared<'_, R>) -> (Vec<[R; 3]>, Vec<R>) {
+/// `loss_strips` with channels apart, one channel: SSIM's derivatives times the pixel's weight, and the SSIM of each
+/// pixel. Both are 0 where the pixel does not count.
+pub fn strips_apart<R: Real>(of: &Compared<'_, R>) -> (Vec<[R; 3]>, Vec<R>) {
     let Compared { x, y, counts, weights, width } = *of;
     let moments = rows(x, y, width);
     let height = x.len() / width;
@@ -228,13 +228,32 @@ pub fn strips<R: Real>(of: &Compared<'_, R>) -> (Vec<[R; 3]>, Vec<R>) {
         let means = along(height, padding(), |i| moments[i * width + j]);
         let counted = |(i, mean)| if counts[i * width + j] { point(mean) } else { (R::zero(), [R::zero(); 4]) };
         let points: Vec<(R, [R; 4])> = means.into_iter().enumerate().map(counted).collect();
-        let weighted = |i: usize| points[i].1.map(|of| weights[i * width + j] * of);
-        for (i, [a, b, c, _]) in along(height, [R::zero(); 4], weighted).into_iter().enumerate() {
-            out[i * width + j] = [a, b, c];
-            values[i * width + j] = points[i].0;
+        for (i, (value, [a, b, c, _])) in points.into_iter().enumerate() {
+            out[i * width + j] = [a, b, c].map(|of| weights[i * width + j] * of);
+            values[i * width + j] = value;
         }
     }
     (out, values)
+}
+
+/// `loss_strips` with all channels, one channel: as [`strips_apart`], with the derivatives summed along columns by the
+/// window.
+pub fn strips<R: Real>(of: &Compared<'_, R>) -> (Vec<[R; 3]>, Vec<R>) {
+    let (derivatives, values) = strips_apart(of);
+    (down_columns(&derivatives, of.width), values)
+}
+
+/// The window's weighted sums along columns.
+fn down_columns<R: Real>(planes: &[[R; 3]], width: usize) -> Vec<[R; 3]> {
+    let mut out = vec![[R::zero(); 3]; planes.len()];
+    for j in 0..width {
+        let at = |i: usize| planes[i * width + j];
+        let sums = along(planes.len() / width, [R::zero(); 4], |i| [at(i)[0], at(i)[1], at(i)[2], R::zero()]);
+        for (i, [a, b, c, _]) in sums.into_iter().enumerate() {
+            out[i * width + j] = [a, b, c];
+        }
+    }
+    out
 }
 
 /// SSIM, and the factors of 1, (x - y) and (x - pivot) in its derivative, from the moments in a window.
@@ -292,17 +311,20 @@ fn weights(call: &TwinCall<'_>, push: &Push, binding: usize, weighted: u32) -> V
     saliency[..pixels].iter().map(|s| push.low_weight + (push.high_weight - push.low_weight) * s).collect()
 }
 
+/// Planes and values of a channel.
+type Strips = fn(&Compared<'_, f32>) -> (Vec<[f32; 3]>, Vec<f32>);
+
 /// Adapter over raw buffers; the channels of a strip share their parts.
 pub fn run_strips(call: &mut TwinCall<'_>) {
-    strip_parts(call, 1);
+    strip_parts(call, 1, strips);
 }
 
 /// Adapter over raw buffers; each channel of a strip has its own parts.
 pub fn run_strips_apart(call: &mut TwinCall<'_>) {
-    strip_parts(call, 3);
+    strip_parts(call, 3, strips_apart);
 }
 
-fn strip_parts(call: &mut TwinCall<'_>, apart: usize) {
+fn strip_parts(call: &mut TwinCall<'_>, apart: usize, strips: Strips) {
     let push: Push = call.push();
     let (width, segment) = (push.width as usize, call.constants[1] as usize);
     let mut parts = vec![0.0f32; (push.height as usize).div_ceil(segment) * apart * width];
@@ -318,21 +340,43 @@ fn strip_parts(call: &mut TwinCall<'_>, apart: usize) {
     call.set(5, &parts);
 }
 
-/// Adapter over raw buffers. The first constant is the subgroup's width.
+/// Adapter over raw buffers, planes of [`strips`]. The first constant is the subgroup's width.
 pub fn run_grad(call: &mut TwinCall<'_>) {
     let push: Push = call.push();
     let (width, lanes) = (push.width as usize, call.constants[0] as usize);
-    let mut parts = vec![0.0f32; push.height as usize * lanes];
+    gradients(call, &push, push.height as usize * lanes, |k, _| k / width * lanes + k % width % lanes, <[_]>::to_vec);
+}
+
+/// Adapter over raw buffers, planes of [`strips_apart`]. The last constant is the number of rows of a strip.
+pub fn run_grad_apart(call: &mut TwinCall<'_>) {
+    let push: Push = call.push();
+    let (width, segment) = (push.width as usize, call.constants[3] as usize);
+    let parts = (push.height as usize).div_ceil(segment) * 3 * width;
+    let part = |k, c| (k / width / segment * 3 + c) * width + k % width;
+    gradients(call, &push, parts, part, |planes| down_columns(planes, width));
+}
+
+/// The gradient, and sums of |x - y| in `parts` parts; `part` is that of a pixel's channel, and `filtered` gives planes
+/// summed along columns.
+fn gradients(
+    call: &mut TwinCall<'_>,
+    push: &Push,
+    parts: usize,
+    part: impl Fn(usize, usize) -> usize,
+    filtered: impl Fn(&[[f32; 3]]) -> Vec<[f32; 3]>,
+) {
+    let width = push.width as usize;
+    let mut parts = vec![0.0f32; parts];
     let mut out = vec![[0.0f32; 4]; width * push.height as usize];
-    let (channels, counts) = channels(call, &push, call.constants[1]);
-    let weights = weights(call, &push, 7, call.constants[2]);
+    let (channels, counts) = channels(call, push, call.constants[1]);
+    let weights = weights(call, push, 7, call.constants[2]);
     for (c, (x, y)) in channels.into_iter().enumerate() {
         let planes = call.get::<[f32; 3]>(2 + c);
         let compared = Compared { x: &x, y: &y, counts: &counts, weights: &weights, width };
-        let of_channel = grad(&planes[..x.len()], &compared, push.lambda, push.values);
+        let of_channel = grad(&filtered(&planes[..x.len()]), &compared, push.lambda, push.values);
         for (k, g) in of_channel.into_iter().enumerate() {
             out[k][c] = g;
-            parts[k / width * lanes + k % width % lanes] += (x[k] - y[k]).abs();
+            parts[part(k, c)] += (x[k] - y[k]).abs();
         }
     }
     call.set(5, &out);

@@ -70,6 +70,7 @@ fn tile_counts_and_poisoned_slots() {
             aux: false,
             train: false,
             listed: false,
+            absolute: false,
             count: false,
             clamp_gradient_passes: false,
         };

@@ -5,10 +5,10 @@ use psrgs_vk::pass::{Pass, blend_backward as passes, blend_forward::PAIR_COUNTS}
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::ALPHA_MIN;
 use psrgs_vk::twin::blend_backward::{PairGrads, Upstream, backward};
-use psrgs_vk::twin::blend_forward::{Blend, forward};
+use psrgs_vk::twin::blend_forward::{Blend, forward, masks};
 use psrgs_vk::vk::{FloatAtomics, Gpu, Subgroup};
 
-use super::blend_forward::{inputs, push, run_shape, shapes, some};
+use super::blend_forward::{inputs, push, run_for_training, run_shape, shapes, some};
 use super::blend_scene::{EARLY_ALPHA_MIN, doubts, hard_scenes, widen};
 use super::common::guards::Guards;
 use super::harness::{self, bytes, garbage};
@@ -23,7 +23,7 @@ enum Rows {
 fn variants(gpu: &Gpu) -> Vec<(&'static Pass, usize, Rows, Option<u32>)> {
     let mut all = vec![
         (&passes::COLUMN_EMULATED_SLOTS, 8, Rows::Slots, None),
-        (&passes::PIXEL_SLOTS, 16, Rows::Slots, None),
+        (&passes::PIXEL_EMULATED_SLOTS, 16, Rows::Slots, Some(32)),
         (&passes::PIXEL_CAS, 16, Rows::Sums, None),
         (&passes::PIXEL_EMULATED_CAS, 16, Rows::Sums, Some(32)),
         (&passes::PIXEL_EMULATED_CAS, 16, Rows::Sums, Some(64)),
@@ -34,7 +34,7 @@ fn variants(gpu: &Gpu) -> Vec<(&'static Pass, usize, Rows, Option<u32>)> {
         all.extend([(&passes::COLUMN_SLOTS, 8, Rows::Slots, None), (&passes::COLUMN_CAS, 8, Rows::Sums, None)]);
     }
     if matches!(gpu.caps().subgroup, Subgroup::Hardware(_)) {
-        all.push((&passes::PIXEL_APART_SLOTS, 16, Rows::Slots, None));
+        all.push((&passes::PIXEL_SLOTS, 16, Rows::Slots, None));
     }
     if atomics {
         all.push((&passes::PIXEL_ATOMIC, 16, Rows::Sums, None));
@@ -89,6 +89,24 @@ fn buffers(blend: &Blend<f32>, up: &Upstream<f64>, rows: Rows) -> Vec<Vec<u8>> {
     }
     all.push(bytes(&[0u32; PAIR_COUNTS]));
     all
+}
+
+/// As `buffers`, with what the pass reads of masks and states.
+fn buffers_with(pass: &Pass, blend: &Blend<f32>, up: &Upstream<f64>, rows: Rows, kept: [Vec<u8>; 2]) -> Vec<Vec<u8>> {
+    let mut all = buffers(blend, up, rows);
+    let names = pass.kernel.bindings.iter().map(|binding| binding.name);
+    let [masks, states] = kept;
+    all.extend(names.filter_map(|name| match name {
+        "masks" => Some(masks.clone()),
+        "states" => Some(states.clone()),
+        _ => None,
+    }));
+    all
+}
+
+/// Index of the first of the buffers that the pass writes: rows, normals, counts.
+fn outputs(rows: Rows) -> usize {
+    if rows == Rows::Slots { 9 } else { 8 }
 }
 
 /// Sums per splat in f64, from rows of `width` floats per pair (slots) or per splat.
@@ -248,10 +266,10 @@ fn against_twin(gpu: &Gpu, pass: &Pass, case: &Case, rows: Rows, width: Option<u
     let blend = &case.blend;
     let mut given = case.constants.clone();
     given.extend(width.map(|w| ("EMULATED_WIDTH", w)));
-    let buffers = buffers(blend, &case.up, rows);
+    let buffers = buffers_with(pass, blend, &case.up, rows, [garbage(4), garbage(4)]);
     let run = || harness::run(gpu, pass, &given, &buffers, &push(blend), blend.ranges.len() as u32);
     let outcome = run();
-    let at = buffers.len() - 3;
+    let at = outputs(rows);
     let bound = 1e-4 + f64::from(case.longest) * 2.0f64.powi(-23);
     let by_address = outcome.by_address.iter().map(|got| ("device by address", got));
     for (who, got) in [("device", &outcome.device), ("twin", &outcome.twin)].into_iter().chain(by_address) {
@@ -293,15 +311,60 @@ fn contributors(gpu: &Gpu) {
                     grad_aux: vec![[1.0; 4]; pixels],
                     clamp_gradient_passes: false,
                 };
-                let mut buffers = buffers(&blend, &up, rows);
+                let mut buffers = buffers_with(pass, &blend, &up, rows, [garbage(4), garbage(4)]);
                 buffers[4] = out.device[4].clone();
                 buffers[5] = out.device[6].clone();
                 let back = harness::run(gpu, pass, &[("COUNT", 1)], &buffers, &push(&blend), blend.ranges.len() as u32);
-                let back: Vec<u32> = back.device(buffers.len() - 1);
+                let back: Vec<u32> = back.device(outputs(rows) + 2);
                 assert_eq!(back[3], counts[1], "{} of {}: contributors", pass.kernel.name, scene.name);
             }
         }
     }
+}
+
+/// Chunks of a list, walked in parallel from the states of the forward pass, give the gradients of the whole list.
+fn chunks(gpu: &Gpu, cases: &[Case]) {
+    let mut split = 0;
+    for case in cases {
+        let blend = &case.blend;
+        if blend.side != 16 || case.longest <= 128 {
+            continue;
+        }
+        for (pass, side, rows, width) in variants(gpu) {
+            // As in `against_twin`.
+            if side != 16 || width == Some(64) && case.longest > 65 {
+                continue;
+            }
+            let (block, count) = (32, 1 + split % 4);
+            let forward = run_for_training(gpu, blend, block, count);
+            let kept = [forward.device[9].clone(), forward.device[10].clone()];
+            let mut buffers = buffers_with(pass, blend, &case.up, rows, kept);
+            let at = outputs(rows);
+            (buffers[4], buffers[5]) = (forward.device[4].clone(), forward.device[6].clone());
+            let mut given = case.constants.clone();
+            given.push(("CHUNKS", count));
+            given.push(width.map_or(("BLOCK", block), |width| ("EMULATED_WIDTH", width)));
+            let groups = blend.ranges.len() as u32 * count;
+            let got = harness::run(gpu, pass, &given, &buffers, &push(blend), groups);
+            let what = format!("{} of {}, {count} chunks", pass.kernel.name, case.name);
+            // The transmittance from the device's forward pass has two roundings per layer too. What lies behind a chunk is
+            // a sum, while the walk through a whole list damps errors: they count against the column's largest
+            // contributions, too.
+            let bound = 1e-4 + 2.0 * f64::from(case.longest) * 2.0f64.powi(-23);
+            let sums = per_splat(blend, rows, 12, &got.device[at]);
+            let most =
+                |column: usize| case.sizes.0.iter().skip(column).step_by(12).fold(0.0f64, |most, s| most.max(*s));
+            let largest: [f64; 12] = std::array::from_fn(most);
+            let sizes: Vec<f64> =
+                case.sizes.0.iter().enumerate().map(|(k, size)| size + largest[k % 12] / 100.0).collect();
+            for columns in [0..2, 2..5, 5..6, 6..9, 9..10, 10..12] {
+                let (want, sizes) = (&case.want.0, &sizes);
+                check(&what, columns, &Compared { bound, width: 12, got: &sums, want, sizes });
+            }
+            split += 1;
+        }
+    }
+    assert!(split > 12, "{split} lists were split");
 }
 
 /// Culling does not change the bits of a pair's gradients. Nor does it change sums per splat where pairs are added in a
@@ -315,17 +378,19 @@ fn culling(gpu: &Gpu, cases: &[Case]) {
             if side != 16 || !pass.kernel.constants.iter().any(|c| c.name == "BLOCK") {
                 continue;
             }
-            let buffers = buffers(&case.blend, &case.up, rows);
-            let run = |block: u32| {
+            let at = outputs(rows);
+            let run = |block: u32, masks: &[u32]| {
+                let kept = [some(masks), garbage(4)];
+                let buffers = buffers_with(pass, &case.blend, &case.up, rows, kept);
                 let given = [("AUX", 1), ("COUNT", 1), ("BLOCK", block)];
                 let groups = case.blend.ranges.len() as u32;
                 harness::run(gpu, pass, &given, &buffers, &push(&case.blend), groups)
             };
-            let want = run(0);
-            let at = buffers.len() - 3;
-            let all: Vec<u32> = want.device(at + 2);
             for block in [8, 32] {
-                let got = run(block);
+                let masks = masks(&case.blend, block);
+                let want = run(block, &vec![!0; masks.len()]);
+                let all: Vec<u32> = want.device(at + 2);
+                let got = run(block, &masks);
                 let what = format!("{}, blocks of {block}, {}", pass.kernel.name, case.name);
                 let single = case.blend.ranges.len() == 1;
                 tiles[usize::from(single)] += 1;
@@ -363,6 +428,7 @@ pub fn run(gpu: &Gpu) {
             }
         }
         if side == 16 {
+            chunks(gpu, &cases);
             culling(gpu, &cases);
         }
     }

@@ -2,7 +2,7 @@
 
 use psrgs_vk::pass::{Pass, blend_forward as passes};
 use psrgs_vk::scene::tile::ALPHA_MIN;
-use psrgs_vk::twin::blend_forward::{Blend, Blended, block_size, forward};
+use psrgs_vk::twin::blend_forward::{Blend, Blended, block_size, forward, masks};
 use psrgs_vk::vk::{Gpu, Subgroup};
 
 use super::blend_scene::{Doubt, EARLY_ALPHA_MIN, doubts, hard_scenes, widen};
@@ -34,6 +34,36 @@ pub fn inputs(blend: &Blend<f32>) -> Vec<Vec<u8>> {
     vec![some(&blend.splats), some(normals), some(&blend.sorted), bytes(&blend.ranges)]
 }
 
+/// Placeholders for what the PIXEL shape keeps for the backward pass.
+pub fn nothing_kept(side: usize) -> Vec<Vec<u8>> {
+    if side == 16 { vec![garbage(4), garbage(4)] } else { Vec::new() }
+}
+
+/// The forward pass of the PIXEL shape as in training, with blocks of `block` pixels and up to `chunks` chunks.
+pub fn run_for_training(gpu: &Gpu, blend: &Blend<f32>, block: u32, chunks: u32) -> Outcome {
+    let (pixels, aux) = (blend.width * blend.height, blend.normals.is_some());
+    let (pairs, tiles) = (blend.sorted.len() as u64, blend.ranges.len() as u64);
+    let mut buffers = inputs(blend);
+    buffers.extend([
+        garbage(4 * pixels),
+        garbage(4 * pixels),
+        garbage(pixels),
+        bytes(&[0u32; passes::PAIR_COUNTS]),
+        garbage(4),
+        garbage(passes::mask_words(pairs, tiles, block) as usize),
+        garbage((passes::state_floats(tiles, chunks, aux) as usize).max(4)),
+    ]);
+    let given = [
+        ("AUX", u32::from(aux)),
+        ("COUNT", 1),
+        ("BLOCK", block),
+        ("MASKS", 1),
+        ("CHUNKS", chunks),
+        ("ALPHA_MIN", blend.alpha_min.to_bits()),
+    ];
+    harness::run(gpu, &passes::PIXEL, &given, &buffers, &push(blend), blend.ranges.len() as u32)
+}
+
 /// Runs a shape on garbage-filled outputs.
 pub fn run_shape(gpu: &Gpu, pass: &Pass, blend: &Blend<f32>) -> Outcome {
     let pixels = blend.width * blend.height;
@@ -45,6 +75,7 @@ pub fn run_shape(gpu: &Gpu, pass: &Pass, blend: &Blend<f32>) -> Outcome {
         bytes(&[0u32; passes::PAIR_COUNTS]),
         garbage(4),
     ]);
+    buffers.extend(nothing_kept(blend.side));
     let mut given = vec![("AUX", u32::from(blend.normals.is_some())), ("COUNT", 1)];
     if blend.alpha_min != ALPHA_MIN {
         given.push(("ALPHA_MIN", blend.alpha_min.to_bits()));
@@ -117,6 +148,7 @@ fn weights(gpu: &Gpu) {
             let before: Vec<f32> = (0..blend.splats.len()).map(|i| if i % 7 == 3 { 0.25 } else { 0.0 }).collect();
             let mut buffers = inputs(&blend);
             buffers.extend([garbage(4 * pixels), garbage(4 * pixels), garbage(pixels), garbage(4), bytes(&before)]);
+            buffers.extend(nothing_kept(side));
             let given = [("AUX", 0), ("WEIGHTS", 1)];
             let outcome = harness::run(gpu, pass, &given, &buffers, &push(&blend), blend.ranges.len() as u32);
             for (who, got) in [("device", outcome.device::<f32>(8)), ("twin", outcome.twin(8))] {
@@ -148,6 +180,7 @@ fn culling(gpu: &Gpu) {
             bytes(&[0u32; passes::PAIR_COUNTS]),
             garbage(4),
         ]);
+        buffers.extend(nothing_kept(16));
         let run = |blend: &Blend<f32>, block: u32| {
             let given = [("AUX", 1), ("COUNT", 1), ("BLOCK", block)];
             harness::run(gpu, &passes::PIXEL, &given, &buffers, &push(blend), blend.ranges.len() as u32)
@@ -173,9 +206,55 @@ fn culling(gpu: &Gpu) {
     assert!(shares[0] < 0.7 && shares.is_sorted(), "{shares:?}");
 }
 
+/// The bits that the backward pass reads are those of the test of blocks, for every splat that the forward pass reaches.
+fn masks_of_blocks(gpu: &Gpu) {
+    let mut compared = 0;
+    for scene in hard_scenes() {
+        let blend = scene.blend(16, false);
+        for block in [8, 32, 64] {
+            let got: Vec<u32> = run_for_training(gpu, &blend, block, 1).device(9);
+            let (want, before) = (masks(&blend, block), garbage(got.len()));
+            let before: Vec<u32> = bytemuck::pod_collect_to_vec(&before);
+            assert_eq!(got.len(), want.len(), "{}", scene.name);
+            for (word, ((got, want), before)) in got.iter().zip(&want).zip(&before).enumerate() {
+                if got == before {
+                    continue;
+                }
+                let what = format!("{}, blocks of {block}, word {word}: {got:#x} instead of {want:#x}", scene.name);
+                // A device may round square roots differently.
+                let off = (got ^ want).count_ones();
+                assert!(off == 0 || !harness::rounds_alike(gpu) && off <= 1, "{what}");
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared > 1000, "{compared} words compared");
+}
+
+/// States at the ends of chunks leave the picture as it is but for the order of the sums.
+fn states_of_chunks(gpu: &Gpu) {
+    let mut longest = 0;
+    for scene in hard_scenes() {
+        for aux in [false, true] {
+            let blend = scene.blend(16, aux);
+            let wide = widen::<f64>(&blend);
+            let (want, doubts) = (forward(&wide), doubts(&wide));
+            let outcome = run_for_training(gpu, &blend, 32, 3);
+            let rows = |i: usize| outcome.device::<[f32; 4]>(i);
+            let got = Read { image: rows(4), aux: rows(5), last: outcome.device(6), counts: vec![0; 2] };
+            let counted = Blended { evaluated: 0, blended: 0, ..want };
+            compare(&format!("{}, aux {aux}, in chunks", scene.name), &got, &counted, &wide, &doubts);
+            longest = blend.ranges.iter().map(|range| range[1] - range[0]).max().max(Some(longest)).unwrap_or(0);
+        }
+    }
+    assert!(longest > 3 * 128, "no list has three chunks");
+}
+
 pub fn run(gpu: &Gpu) {
     weights(gpu);
     culling(gpu);
+    masks_of_blocks(gpu);
+    states_of_chunks(gpu);
     for (pass, side) in shapes(gpu) {
         for scene in hard_scenes() {
             for (aux, alpha_min) in [(false, ALPHA_MIN), (true, ALPHA_MIN), (false, EARLY_ALPHA_MIN)] {

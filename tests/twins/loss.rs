@@ -53,9 +53,8 @@ fn pictures(
 /// Width of the subgroup, and which passes: the hardware's, or the emulated ones, which run everywhere.
 #[derive(Clone, Copy, PartialEq)]
 pub enum With {
-    Hardware(u32),
-    /// Three rows per iteration.
-    Three(u32),
+    /// All channels in a subgroup.
+    Together(u32),
     /// A channel of a strip per subgroup.
     Apart(u32),
     Emulated(u32),
@@ -65,7 +64,7 @@ impl With {
     pub fn all(gpu: &Gpu) -> Vec<Self> {
         let mut all = vec![Self::Emulated(64), Self::Emulated(32), Self::Emulated(8)];
         if let Subgroup::Hardware(width) = gpu.caps().subgroup {
-            all.extend([Self::Hardware(width), Self::Three(width), Self::Apart(width)]);
+            all.extend([Self::Together(width), Self::Apart(width)]);
         }
         all
     }
@@ -77,12 +76,12 @@ impl With {
 
     fn lanes(self) -> u32 {
         match self {
-            Self::Hardware(width) | Self::Three(width) | Self::Apart(width) | Self::Emulated(width) => width,
+            Self::Together(width) | Self::Apart(width) | Self::Emulated(width) => width,
         }
     }
 
     fn apart(self) -> u32 {
-        if matches!(self, Self::Hardware(_) | Self::Three(_)) { 1 } else { 3 }
+        if matches!(self, Self::Together(_)) { 1 } else { 3 }
     }
 
     fn layout(self, width: usize, height: usize, segment: u32) -> LossLayout {
@@ -91,23 +90,29 @@ impl With {
 
     fn passes(self) -> [&'static Pass; 2] {
         match self {
-            Self::Hardware(_) => [&passes::STRIPS_SUBGROUP, &passes::GRAD_SUBGROUP],
-            Self::Three(_) => [&passes::STRIPS_SUBGROUP_THREE, &passes::GRAD_SUBGROUP],
-            Self::Apart(_) => [&passes::STRIPS_SUBGROUP_APART, &passes::GRAD_SUBGROUP],
+            Self::Together(_) => [&passes::STRIPS_SUBGROUP, &passes::GRAD_SUBGROUP],
+            Self::Apart(_) => [&passes::STRIPS_APART, &passes::GRAD_APART],
             Self::Emulated(_) => [&passes::STRIPS_EMULATED, &passes::GRAD_EMULATED],
         }
     }
 
     fn constant(self) -> (&'static str, u32) {
         match self {
-            Self::Hardware(width) | Self::Three(width) | Self::Apart(width) => ("LOCAL_SIZE", width),
+            Self::Together(width) | Self::Apart(width) => ("LOCAL_SIZE", width),
             Self::Emulated(width) => ("EMULATED_WIDTH", width),
         }
     }
 
+    /// Constants of the gradient, but for `bits` and `weighted`.
+    fn of_grad(self, segment: u32) -> Vec<(&'static str, u32)> {
+        let mut given = vec![self.constant()];
+        given.extend((self.apart() > 1).then_some(("SEGMENT", segment)));
+        given
+    }
+
     fn local_size(self) -> u32 {
         match self {
-            Self::Hardware(width) | Self::Three(width) | Self::Apart(width) => width,
+            Self::Together(width) | Self::Apart(width) => width,
             Self::Emulated(_) => passes::EMULATED_LOCAL_SIZE,
         }
     }
@@ -136,7 +141,8 @@ pub fn on_device(gpu: &Gpu, with: With, p: &Pictures, lambda: f32, weights: Weig
     let [strips, gradient] = with.passes();
     let (bits, weighted) = (("PHOTOGRAPH_BITS", p.bits), ("WEIGHTED", u32::from(weights.is_some())));
     let strips = gpu.pipeline(&strips.kernel, &[with.constant(), ("SEGMENT", layout.segment), bits, weighted]).unwrap();
-    let gradient = gpu.pipeline(&gradient.kernel, &[with.constant(), bits, weighted]).unwrap();
+    let given = [with.of_grad(layout.segment), vec![bits, weighted]].concat();
+    let gradient = gpu.pipeline(&gradient.kernel, &given).unwrap();
     let sum = gpu.pipeline(&passes::SUM.kernel, &[]).unwrap();
     let masked = counting(&p.target, p.bits).into_iter().filter(|counts| !counts).count() as u32;
     let values = passes::values(width, height, masked);
@@ -228,8 +234,8 @@ fn passes_against_twins(gpu: &Gpu, with: With, random: &mut Random, (width, heig
     let plane = || bytes(&planes);
     let grads = garbage(4 * pixels);
     let buffers = [bytes(&image), bytes(&target), plane(), plane(), plane(), grads, parts, saliency()];
-    let outcome =
-        harness::run(gpu, grad, &[with.constant(), bits, weighted], &buffers, &push, groups(layout.grad_threads()));
+    let given = [with.of_grad(7), vec![bits, weighted]].concat();
+    let outcome = harness::run(gpu, grad, &given, &buffers, &push, groups(layout.grad_threads()));
     close("grad", &outcome, 5, 1e-6);
     close("grad", &outcome, 6, 1e-5);
 }

@@ -72,7 +72,7 @@ cases! {
     adam: "adam";
     blend_backward: "blend_backward_column_atomic" "blend_backward_column_cas" "blend_backward_column_emulated_slots"
         "blend_backward_column_slots" "blend_backward_pixel_atomic" "blend_backward_pixel_cas" "blend_backward_pixel_emulated_cas"
-        "blend_backward_pixel_apart_slots" "blend_backward_pixel_slots";
+        "blend_backward_pixel_emulated_slots" "blend_backward_pixel_slots";
     blend_forward: "blend_forward_column" "blend_forward_column_emulated" "blend_forward_pixel";
     compact: "compact" "gather_counts";
     constrain: "constrain" "grad2d_add" "grad2d_keep";
@@ -89,8 +89,8 @@ cases! {
     fill: "fill";
     geometry: "geometry_depth" "geometry_grad" "part_sum";
     gradient_map: "gradient_map_grad" "gradient_map_sobel" "gradient_map_windows";
-    loss: "loss_grad_emulated" "loss_grad_subgroup" "loss_strips_emulated" "loss_strips_subgroup"
-        "loss_strips_subgroup_apart" "loss_strips_subgroup_three" "loss_sum";
+    loss: "loss_grad_apart" "loss_grad_emulated" "loss_grad_subgroup" "loss_strips_apart" "loss_strips_emulated"
+        "loss_strips_subgroup" "loss_sum";
     noise: "noise";
     photograph_reduce: "photograph_reduce";
     plan: "plan" "finish";

@@ -1,5 +1,6 @@
 //! Backward pass of a view: from the gradient of the image to gradients of the model, or to an optimiser step.
 
+use super::kept::KeptForm;
 use super::{RenderView, Renderer, entry};
 use crate::pass::camera::CameraPush;
 use crate::pass::project_backward::Penalties;
@@ -100,10 +101,12 @@ impl BackwardPipelines {
         let mut switches = vec![
             aux,
             ("COUNT", u32::from(form.count)),
+            ("ABS", u32::from(form.absolute)),
             ("CLAMP_GRADIENT_PASSES", u32::from(form.clamp_gradient_passes)),
             alpha_min::constant(cutoff),
         ];
         switches.extend(&chosen.constants);
+        switches.extend(form.kept.of_backward());
         let summed = || gpu.pipeline(&slot_sum::PASS.kernel, &[aux, form.turn]);
         Ok(Self {
             blend: gpu.pipeline(&chosen.pass.kernel, &switches)?,
@@ -116,8 +119,10 @@ impl BackwardPipelines {
 #[derive(Clone, Copy)]
 struct BackwardConstants {
     count: bool,
+    absolute: bool,
     clamp_gradient_passes: bool,
     turn: (&'static str, u32),
+    kept: KeptForm,
 }
 
 /// Pipelines and buffers of the backward pass.
@@ -147,12 +152,20 @@ fn all_bits(model: &Planes) -> Result<(), vk::Error> {
 }
 
 impl Backward {
-    pub(super) fn new(gpu: &Gpu, variants: Variants, size: &Size, grad2d: BufferRange) -> Result<Self, vk::Error> {
+    pub(super) fn new(
+        gpu: &Gpu,
+        variants: Variants,
+        size: &Size,
+        grad2d: BufferRange,
+        kept: KeptForm,
+    ) -> Result<Self, vk::Error> {
         let slots = variants.gradients == GradientSum::Slots;
         let form = BackwardConstants {
             count: size.count,
+            absolute: size.absolute,
             clamp_gradient_passes: size.clamp_gradient_passes,
             turn: per_turn(u64::from(size.tiles)),
+            kept,
         };
         let channels = |aux: bool| BackwardPipelines::new(gpu, variants, None, aux, form);
         let rows = |name, there: bool, bytes: u64, count: u32| {
@@ -288,9 +301,11 @@ impl Renderer {
             slices([&backward.slot_grads, &backward.slot_normals, &backward.grad_normals, &self.pair_counts]);
         let grad2d = backward.grad2d.slice();
         let mut buffers = vec![splat2d, normals, lists.sorted_splats, lists.tile_ranges, image, last, of_image, of_aux];
-        let groups = Groups::Workgroups(self.tiles(width, height));
+        let groups = Groups::Workgroups(self.tiles(width, height) * backward.form.kept.groups_per_tile());
+        let kept = self.kept.for_backward();
         if let (Some(slot_sum), Some(slots)) = (&channels.slot_sum, &lists.slots) {
             buffers.extend([slots.sorted_slots, slot_grads, slot_normals, counted]);
+            buffers.extend(kept);
             recorder.dispatch(&channels.blend, &buffers, &push, groups)?;
             let [counts, tile_counts] = slices([&self.counters, &self.tile_counts]);
             let buffers =
@@ -302,6 +317,7 @@ impl Renderer {
                 recorder.fill(grad_normals, 0)?;
             }
             buffers.extend([grad2d, grad_normals, counted]);
+            buffers.extend(kept);
             recorder.dispatch(&channels.blend, &buffers, &push, groups)
         }
     }
