@@ -116,6 +116,25 @@ fn every_crate_has_an_allowed_licence() {
     assert!(packages.len() > 50, "only {} crates are listed", packages.len());
 }
 
+/// The schema of 3D Tiles is as it was published.
+#[test]
+fn schema_files_have_the_hashes_of_their_readme() {
+    use sha2::{Digest, Sha256};
+
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/tiles-schema");
+    let readme = std::fs::read_to_string(folder.join("README.md")).unwrap();
+    let rows: Vec<&str> = readme.lines().filter_map(|line| line.strip_prefix("| `")).collect();
+    assert_eq!(rows.len(), 24);
+    for row in rows {
+        let (name, rest) = row.split_once("` | `").unwrap();
+        let bytes = std::fs::read(folder.join("files").join(name)).unwrap();
+        let hash: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        assert!(rest.starts_with(&hash), "{name}: {hash}");
+    }
+    let credits = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/CREDITS.md");
+    assert!(std::fs::read_to_string(credits).unwrap().contains("tools/tiles-schema"), "CREDITS names no schema");
+}
+
 /// The files of the viewer, which HTML files contain, are those of the npm package that their README names.
 #[cfg(feature = "html-viewer")]
 #[test]

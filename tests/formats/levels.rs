@@ -197,6 +197,48 @@ fn a_packed_tile_tells_the_box_of_its_splats() {
     assert_eq!(numbers(&document["accessors"][0]["max"]), [0, 1, 2].map(|k| end(k, f64::max)));
 }
 
+/// Checks tilesets against the schema in a folder, and prints what is wrong with each. A schema names the others by their
+/// places in the folder.
+const SCHEMA: &str = r#"
+import json, pathlib, sys
+from jsonschema import Draft202012Validator
+from referencing import Registry, Resource
+from referencing.jsonschema import DRAFT202012
+folder = pathlib.Path(sys.argv[1])
+def resource(file):
+    schema = json.loads(file.read_text())
+    schema.pop("$id", None)
+    return "file:///" + file.relative_to(folder).as_posix(), Resource.from_contents(schema, DRAFT202012)
+registry = Registry().with_resources(resource(file) for file in folder.rglob("*.schema.json"))
+validator = Draft202012Validator({"$ref": "file:///tileset.schema.json"}, registry=registry)
+for file in sys.argv[2:]:
+    tileset = json.loads(pathlib.Path(file).read_text())
+    for error in validator.iter_errors(tileset):
+        print("WRONG", file, error.json_path, error.message)
+    del tileset["root"]["geometricError"]
+    tileset["asset"]["version"] = 1.1
+    print("BROKEN", sum(1 for _ in validator.iter_errors(tileset)))
+"#;
+
+#[test]
+fn tilesets_keep_to_the_schema_of_3d_tiles() {
+    let Some(python) = installed("venv/bin/python", "python3") else { return };
+    let schema = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/tiles-schema/files");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let on_earth = Similarity { translation: [4e6, 5e5, 4.9e6], ..Similarity::IDENTITY };
+    let mut files = Vec::new();
+    let sets = [("glb", Content::Glb, None), ("spz", Content::Spz, None), ("placed", Content::Spz, Some(on_earth))];
+    for (name, content, to_earth) in sets {
+        let own = folder.path().join(name);
+        fs::create_dir(&own).expect("a folder");
+        TileSet { to_earth, ..set(&own, content) }.write(&with_degree(1500, 1), 100).expect("written");
+        files.push(own.join("tileset.json"));
+    }
+    let said = run(Command::new(python).args(["-c", SCHEMA]).arg(schema).args(&files));
+    // Each set is then broken in two places, which the schema has to notice.
+    assert_eq!(said, "BROKEN 2\n".repeat(3));
+}
+
 #[test]
 fn the_gltf_validator_knows_no_worse_of_packed_tiles() {
     let Some(validator) = installed("node_modules/gltf-validator", "node") else { return };
