@@ -33,7 +33,7 @@ use crate::raster::sort::SortShape;
 use crate::raster::{DENSITY_ENTRY, Planes, RenderView, Renderer, Size, Target, Variants, Viewer, most_splats};
 use crate::scene::Camera;
 use crate::stereo::Prior;
-use crate::vk::{Buffer, Gpu, Memory, Recorder, SubmitSync, Ticket};
+use crate::vk::{Buffer, DeviceKind, Gpu, Memory, Recorder, SubmitSync, Ticket};
 
 /// Highest opacity after a reset.
 const RESET_OPACITY: f64 = 0.01;
@@ -183,7 +183,8 @@ impl Engine {
         };
         let aux = settings.geometry.has_loss();
         let listed = Optimiser::leaves_out(gpu, settings);
-        let absolute = settings.density.absgrad;
+        // On a CPU device the backward pass takes a tenth longer without them.
+        let absolute = settings.density.absgrad || gpu.caps().kind == DeviceKind::Cpu;
         let size = Size { aux, listed, absolute, ..Size::training(splats, pairs, tiles) };
         Ok(Self {
             gpu: gpu.clone(),
