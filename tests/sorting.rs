@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 use psrgs_vk::pass::counters;
 use psrgs_vk::pass::plan::{self, Entry};
+use psrgs_vk::raster::ListSort;
 use psrgs_vk::raster::scan::{self, Scan, ScanExtent, Summand};
 use psrgs_vk::raster::sort::{KeyCount, RadixSort, SortShape};
 use psrgs_vk::raster::tiles::{Capacities, ENTRIES, FrameLists, SPLAT_ENTRIES, TileListInputs, TileLists};
@@ -81,23 +82,22 @@ fn sort(gpu: &Gpu, shape: SortShape, keys: &[u32], bits: u32, counted: bool) {
 #[test]
 fn the_shape_of_a_sort_fits_the_shared_memory() {
     let Some(gpu) = common::gpu() else { return };
-    let shape = |shared_kib: u32, width: u32, most: u64| {
+    let shape = |shared_kib: u32, width: u32| {
         let mut caps = gpu.caps().clone();
         (caps.kind, caps.subgroup) = (DeviceKind::Discrete, Subgroup::Hardware(width));
         (caps.limits.workgroup_size, caps.limits.shared_bytes) = (1024, shared_kib << 10);
-        SortShape::of(&caps, most)
+        SortShape::of(&caps)
     };
-    assert_eq!(shape(48, 32, 1 << 20), SortShape::Groups);
-    assert_eq!(shape(48, 32, 1 << 24), SortShape::LongGroups);
-    // The minimum of shared memory in Vulkan holds 2,048 keys and not 4,096.
-    assert_eq!(shape(16, 32, 1 << 24), SortShape::Groups);
-    assert_eq!(shape(16, 8, 1 << 24), SortShape::Runs);
+    assert_eq!(shape(48, 32), SortShape::Groups);
+    // The minimum of shared memory in Vulkan.
+    assert_eq!(shape(16, 32), SortShape::Groups);
+    assert_eq!(shape(16, 8), SortShape::Runs);
 }
 
 #[test]
 fn radix_sort_agrees_with_a_64_bit_sort() {
     let Some(gpu) = common::gpu() else { return };
-    for shape in [SortShape::Runs, SortShape::Groups, SortShape::LongGroups] {
+    for shape in [SortShape::Runs, SortShape::Groups] {
         for n in [0, 1, 255, 256, 257, 8191, 8192, 8193, 30_000] {
             let random = words(n as u64, n);
             sort(&gpu, shape, &random, 32, true);
@@ -118,7 +118,7 @@ fn radix_sort_agrees_with_a_64_bit_sort() {
 #[test]
 fn radix_sort_of_a_million_and_more() {
     let Some(gpu) = common::gpu() else { return };
-    for shape in [SortShape::Runs, SortShape::Groups, SortShape::LongGroups] {
+    for shape in [SortShape::Runs, SortShape::Groups] {
         sort(&gpu, shape, &words(3, 1_000_000), 32, true);
         // Tiles of a 4K image in 8x8 tiles, more numbers than 16 bits hold.
         let tiles: Vec<u32> = words(5, 3_000_001).iter().map(|w| w % 129_601).collect();
@@ -159,7 +159,7 @@ fn radix_sort_of_40_million_pairs() {
 #[test]
 #[ignore = "takes minutes on a CPU"]
 fn radix_sort_of_2_to_the_26_pairs() {
-    for shape in [SortShape::Runs, SortShape::Groups, SortShape::LongGroups] {
+    for shape in [SortShape::Runs, SortShape::Groups] {
         // One key more than 2^26, so that the groups shape has 65,537 workgroups.
         for (bits, counted) in [(17, true), (32, false)] {
             sort_beyond_2_to_the_25(shape, (1 << 26) + 1, bits, counted);
@@ -319,16 +319,19 @@ fn check(gpu: &Gpu, scene: &Scene, frame: &Frame, result: &FrameLists<'_>) {
     assert!(of_pairs.into_iter().eq(0..expected.len() as u32), "a slot belongs to no pair, or to several");
 }
 
+const ORDERS: [ListSort; 2] = [ListSort::Global, ListSort::Tiles];
+
 #[test]
 fn tile_lists_hold_every_pair_in_depth_order() {
     let Some(gpu) = common::gpu() else { return };
     let grids =
         [TileGrid::new([640, 360], [16, 16]), TileGrid::new([250, 131], [8, 8]), TileGrid::new([64, 64], [16, 16])];
-    for shape in [SortShape::Runs, SortShape::Groups, SortShape::LongGroups] {
+    let [runs, groups] = [SortShape::Runs, SortShape::Groups];
+    for (order, shape) in [(ListSort::Global, runs), (ListSort::Global, groups), (ListSort::Tiles, runs)] {
         for (grid, n) in grids.into_iter().zip([5000, 1025, 1]) {
             let scene = Scene::new(n, grid);
             let capacities = Capacities { splats: n as u64, pairs: scene.pairs() as u64, tiles: 1000 };
-            let lists = TileLists::with_shape(&gpu, capacities, shape).unwrap();
+            let lists = TileLists::with_shape(&gpu, capacities, order, shape).unwrap();
             let frame = frame(&gpu, &scene);
             // Twice: the second run starts with the buffers of the first.
             for _ in 0..2 {
@@ -348,8 +351,9 @@ fn no_splats_and_all_culled_give_empty_lists() {
     culled.tiles.iter_mut().for_each(Vec::clear);
     let mut none = Scene::new(1, grid);
     none.tiles[0].clear();
-    for (scene, splats) in [(&culled, 100), (&none, 0)] {
-        let lists = TileLists::new(&gpu, Capacities { splats: 100, pairs: 10, tiles: 100 }).unwrap();
+    let cases = [(&culled, 100), (&none, 0)].map(|case| ORDERS.map(|order| (case, order)));
+    for ((scene, splats), order) in cases.into_iter().flatten() {
+        let lists = TileLists::new(&gpu, Capacities { splats: 100, pairs: 10, tiles: 100 }, order).unwrap();
         let frame = frame(&gpu, scene);
         gpu.write(&frame.counts, &[0u32, splats]).unwrap();
         let result = record(&gpu, &lists, &frame, &grid);
@@ -360,25 +364,29 @@ fn no_splats_and_all_culled_give_empty_lists() {
 #[test]
 fn too_many_pairs_set_the_status_and_emit_nothing() {
     let Some(gpu) = common::gpu() else { return };
+    ORDERS.into_iter().for_each(|order| too_many_pairs(&gpu, order));
+}
+
+fn too_many_pairs(gpu: &Gpu, order: ListSort) {
     let grid = TileGrid::new([640, 360], [16, 16]);
     let scene = Scene::new(2000, grid);
     let pairs = scene.pairs() as u64;
-    let small = TileLists::new(&gpu, Capacities { splats: 2000, pairs: pairs - 1, tiles: 1000 }).unwrap();
-    let frame = frame(&gpu, &scene);
-    let result = record(&gpu, &small, &frame, &grid);
+    let small = TileLists::new(gpu, Capacities { splats: 2000, pairs: pairs - 1, tiles: 1000 }, order).unwrap();
+    let frame = frame(gpu, &scene);
+    let result = record(gpu, &small, &frame, &grid);
     let counts: Vec<u32> = gpu.read(&frame.counts).unwrap();
     assert_eq!(counts[counters::STATUS], counters::PAIRS_BIT);
     assert_eq!(u64::from(counts[counters::WANT_PAIRS]), pairs);
     let ranges: Vec<u32> = gpu.read_slice(result.tile_ranges, 2000).unwrap();
     assert!(ranges.iter().all(|&word| word == 0), "a void event has lists");
     // Later events are void as well and do not change the counts.
-    record(&gpu, &small, &frame, &grid);
+    record(gpu, &small, &frame, &grid);
     assert_eq!(gpu.read::<u32>(&frame.counts).unwrap(), counts);
     let args: Vec<[u32; 4]> = gpu.read(&frame.args).unwrap();
     assert!(args.iter().all(|entry| *entry == [0; 4]));
     // With a cleared status and enough room, the frame is complete.
-    let large = TileLists::new(&gpu, Capacities { splats: 2000, pairs, tiles: 1000 }).unwrap();
+    let large = TileLists::new(gpu, Capacities { splats: 2000, pairs, tiles: 1000 }, order).unwrap();
     gpu.write(&frame.counts, &[0u32]).unwrap();
-    let result = record(&gpu, &large, &frame, &grid);
-    check(&gpu, &scene, &frame, &result);
+    let result = record(gpu, &large, &frame, &grid);
+    check(gpu, &scene, &frame, &result);
 }

@@ -1,5 +1,5 @@
 // The ellipse-tile test: finds the tiles of the image with a pixel centre where a splat has alpha >= ALPHA_MIN.
-// `project` counts with it and `emit` lists with it, both from the stored row of `splat2d`, so the two always agree.
+// `project` counts with it, and `emit` or `tile_edges` and `emit_tiles` list with it, all from the stored row of `splat2d`, so they always agree.
 // Idea: exact opacity-aware tile lists, Speedy-Splat (SnugBox, AccuTile). Twin: src/twin/tile.rs, same operations in
 // the same order.
 //
@@ -127,6 +127,9 @@ TileEllipse tile_ellipse(vec2 mean, vec3 conic, float opacity, TileGrid grid) {
     e.row_end = rows.y;
     return e;
 }
+
+// The ellipse of a splat from the first two vectors of its row of `splat2d`.
+TileEllipse ellipse_of(vec4 p, vec4 q, TileGrid grid) { return tile_ellipse(p.xy, vec3(p.zw, q.x), q.y, grid); }
 
 // Columns of tiles [begin, end) that the splat touches in a row of tiles; begin = end when none.
 uvec2 tile_row(TileEllipse e, uint row, TileGrid grid) {

@@ -307,7 +307,7 @@ impl<'a> Run<'a> {
         let over_views = |f: &dyn Fn(u32, u32) -> f64| sizes().map(|(w, h)| f(w, h)).sum::<f64>() / self.views as f64;
         let tile_capacity = sizes().map(|(w, h)| tiles(w, h)).fold(0.0, f64::max);
         let pair_capacity = self.engine.renderer().pair_capacity();
-        let shape = SortShape::of(self.gpu.caps(), u64::from(pair_capacity));
+        let shape = SortShape::of(self.gpu.caps());
         Work {
             splats: mean(counters::SPLATS),
             visible: mean(counters::VISIBLE),

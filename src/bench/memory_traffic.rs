@@ -2,7 +2,7 @@
 
 use crate::raster::sort::{Digits, SortShape};
 use crate::raster::tiles::{DEPTH_BITS, tile_bits};
-use crate::raster::{GradientSum, PLANES, Variants};
+use crate::raster::{GradientSum, ListSort, PLANES, Variants};
 
 /// Mean amounts of work per timed step.
 #[derive(Clone, Copy, Debug)]
@@ -75,6 +75,11 @@ impl Work {
         GEOMETRY / 4.0 + harmonics
     }
 
+    /// Whether the splats on the image are listed where lists do not need them listed.
+    fn lists_visible(&self) -> bool {
+        self.listed || self.variants.gradients == GradientSum::Slots
+    }
+
     /// Splats that take an optimiser step.
     pub(super) fn splats_stepped(&self) -> f64 {
         if self.listed { self.visible } else { self.splats }
@@ -102,7 +107,12 @@ impl Work {
             (table(self.visible, self.depth), most(self.splat_capacity, DEPTH_BITS)),
             (table(self.pairs, self.tile), most(self.pair_capacity, tile_bits(self.tile_capacity as u64))),
         ];
-        let sums = if self.shape == SortShape::Runs { &sums[..] } else { &sums[..1] };
+        let in_tiles = [(if self.lists_visible() { self.splats } else { 0.0 }, self.splat_capacity as u64)];
+        let sums = match (self.variants.lists, self.shape) {
+            (ListSort::Global, SortShape::Runs) => &sums[..],
+            (ListSort::Global, SortShape::Groups) => &sums[..1],
+            (ListSort::Tiles, _) => &in_tiles,
+        };
         let mut words = [0.0; 2];
         sums.iter().for_each(|&(n, most)| words[usize::from(most > self.most_at_once)] += n);
         words
@@ -123,6 +133,10 @@ impl Work {
 /// | `scan_reduce`, `scan_add`, `scan_spine`, `scan_once` | 4, 8, 8 / 1024, 8 per word of the sums (over N, V, tables of the runs shape) that take it |
 /// | `gather_counts` | 12 V |
 /// | `emit` | V (12 + 24 of the projected splat) + 12 P |
+/// | `tile_edges` | 4 N + 24 V: additions to edges stay in caches |
+/// | `tile_offsets` | 16 + 8 per tile |
+/// | `emit_tiles` | 4 N + 32 V + 8 P, with slots 4 P more |
+/// | `tile_sort` | P (8 + 4) + 16 per tile, with slots 8 P more |
 /// | `tile_ranges` | 16 P + 8 per tile |
 /// | `blend_forward` | P (4 + 48 projected) + 8 per tile + 20 per pixel: a list is read to its end |
 /// | `loss_strips`, `loss_grad` | 20 + 3 x 12, 20 + 3 x 12 + 16 per pixel: the overlap of strips and windows is left aside |
@@ -144,7 +158,7 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
     let is = |family: &str| pass.strip_prefix(family).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
     let [at_once, in_blocks] = work.summed();
     // A longer name stands before a name that it begins with.
-    let families: [(&str, f64); 23] = [
+    let families: [(&str, f64); 27] = [
         (
             "project_backward_adam",
             work.splats_stepped() * (4.0 + 8.0 * f64::from(1 + work.moment_words) * work.stepped())
@@ -161,7 +175,11 @@ pub fn bytes(pass: &str, work: &Work) -> Option<f64> {
         ("scan_add", 8.0 * in_blocks),
         ("scan_spine", 8.0 * in_blocks / f64::from(crate::raster::scan::BLOCK)),
         ("gather_counts", 12.0 * v),
+        ("emit_tiles", 4.0 * n + 32.0 * v + p * if slots { 12.0 } else { 8.0 }),
         ("emit", 36.0 * v + 12.0 * p),
+        ("tile_edges", 4.0 * n + 24.0 * v),
+        ("tile_offsets", 24.0 * tiles),
+        ("tile_sort", p * if slots { 20.0 } else { 12.0 } + 16.0 * tiles),
         ("tile_ranges", 16.0 * p + 8.0 * tiles),
         ("blend_forward", lists + 20.0 * pixels),
         ("loss_strips", 56.0 * pixels),

@@ -12,7 +12,7 @@ use crate::vk::PassTime;
 
 /// Stage of each pass, by the start of its name. The fused step is both the projection's backward and the optimiser.
 /// Every other pass is bookkeeping (plans, clears, copies, the end of a step).
-const STAGES: [(&str, &str); 14] = [
+const STAGES: [(&str, &str); 17] = [
     ("project_backward_adam", "optimiser"),
     ("project_backward", "projection backward"),
     ("project", "projection"),
@@ -21,7 +21,10 @@ const STAGES: [(&str, &str); 14] = [
     ("scan", "tile lists"),
     ("gather_counts", "tile lists"),
     ("emit", "tile lists"),
+    ("tile_edges", "tile lists"),
+    ("tile_offsets", "tile lists"),
     ("tile_ranges", "tile lists"),
+    ("tile_sort", "tile lists"),
     ("blend_forward", "blend forward"),
     ("loss", "image loss"),
     ("blend_backward", "blend backward"),

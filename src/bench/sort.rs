@@ -34,7 +34,7 @@ pub struct SortReport {
 pub fn sort(gpu: &Gpu, keys: u32, bits: u32, rounds: u32) -> Result<SortReport, Error> {
     let bits = bits.clamp(1, 32);
     let n = u64::from(keys);
-    let shape = SortShape::of(gpu.caps(), n);
+    let shape = SortShape::of(gpu.caps());
     let words = |name: &str| gpu.buffer(name, 4 * n.max(1), Memory::Device);
     let start = words("sort_start")?;
     let (key_sides, val_sides) =

@@ -8,7 +8,7 @@ use psrgs_vk::format::{FrameFile, ply, splats};
 use psrgs_vk::map::SurfaceModel;
 use psrgs_vk::numbers::counted;
 use psrgs_vk::pass::camera::Projection;
-use psrgs_vk::raster::{DepthProbe, Look, Picture, Planes, RenderView, Shown, Variants, Viewer};
+use psrgs_vk::raster::{DepthProbe, Look, NamedVariants, Picture, Planes, RenderView, Shown, Variants, Viewer};
 use psrgs_vk::scene::{Camera, Frame, Gaussians};
 use psrgs_vk::train::settings::BlendingVariants;
 use psrgs_vk::vk::{self, Buffer, Gpu};
@@ -157,7 +157,8 @@ impl ModelFile {
         drawing: &DrawingArgs,
         frame: &Frame,
     ) -> Result<SurfaceModel, vk::Error> {
-        let variants = Variants::choose(gpu, false).with(forms.tile_shape, None);
+        let variants = Variants::choose(gpu, false)
+            .with(gpu, NamedVariants { tile: forms.tile_shape, ..NamedVariants::default() });
         let viewer = Viewer::with_variants(gpu, variants);
         let planes = viewer.upload_with(&self.in_scene(frame), drawing.sh())?;
         let projection =

@@ -27,6 +27,7 @@ pub mod densify_stats;
 pub mod densify_views;
 pub mod depth_probe;
 pub mod emit;
+pub mod emit_tiles;
 pub mod exposure;
 pub mod feature_distance;
 pub mod fill;
@@ -53,7 +54,10 @@ pub mod slot_sum;
 pub mod splat_outlines;
 pub mod stereo;
 pub mod subgroup_probe;
+pub mod tile_edges;
+pub mod tile_offsets;
 pub mod tile_ranges;
+pub mod tile_sort;
 pub mod turns;
 
 pub use shaders::module;
@@ -123,8 +127,8 @@ pub const ALL: &[&Pass] = &[
     &densify_views::PASS,
     &depth_probe::PASS,
     &emit::PASS,
-    &emit::TOGETHER,
-    &emit::TOGETHER_EMULATED,
+    &emit_tiles::EMULATED,
+    &emit_tiles::PASS,
     &exposure::APPLY,
     &exposure::BACKWARD,
     &exposure::STEP,
@@ -190,7 +194,12 @@ pub const ALL: &[&Pass] = &[
     &stereo::SWEEP_6,
     &subgroup_probe::EMULATED,
     &subgroup_probe::SUBGROUP,
+    &tile_edges::PASS,
+    &tile_offsets::EMULATED,
+    &tile_offsets::PASS,
     &tile_ranges::PASS,
+    &tile_sort::EMULATED,
+    &tile_sort::PASS,
 ];
 
 /// Declares a push-constant block: a `#[repr(C)]` plain-data struct with a `FIELDS` table for [`Pass::push`].

@@ -17,8 +17,6 @@ pub const MOST_BITS: u32 = 8;
 pub const GROUPS_LOCAL_SIZE: u32 = 256;
 /// Default of the constant `ITEMS`: keys per thread of the groups shape.
 pub const GROUPS_ITEMS: u32 = 8;
-/// `ITEMS` for many keys: longer contiguous writes per block, and tables half as large.
-pub const GROUPS_ITEMS_OF_MANY: u32 = 16;
 
 crate::push_constants! {
     /// Push constants of the radix passes.

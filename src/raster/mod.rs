@@ -28,5 +28,5 @@ pub use renderer::{
 pub(crate) use size::LARGEST_ROW;
 pub use size::{LEAST_2D, Size, most_pairs, most_splats};
 pub use target::Target;
-pub use variants::{GradientSum, TileShape, Variants};
+pub use variants::{Chunks, GradientSum, ListSort, NamedVariants, TileShape, Variants};
 pub use viewer::{Look, Shown, Style, Viewer};

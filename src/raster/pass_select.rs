@@ -1,11 +1,9 @@
 //! Selection of the kernels for a variant set on a device.
 
 use super::variants::{COLUMN_WIDTH, GradientSum, TileShape, Variants};
-use crate::pass::{Pass, blend_backward as backward, blend_forward as forward, emit, project};
+use crate::pass::{Pass, blend_backward as backward, blend_forward as forward};
+use crate::pass::{emit_tiles, project, tile_offsets, tile_sort};
 use crate::vk::{DeviceKind, Error, Gpu, Result, Subgroup};
-
-/// Least subgroup width for emission by whole subgroups.
-const WIDE: u32 = 16;
 
 /// A pass, with the constants that depend on the device and the variants.
 pub(super) struct ChosenPass {
@@ -32,12 +30,29 @@ pub(super) fn block(gpu: &Gpu) -> (&'static str, u32) {
     ("BLOCK", gpu.caps().subgroup.width().clamp(8, 128))
 }
 
-/// The emission of pairs. By whole subgroups where subgroups are wide: there, one splat with many tiles would keep many
-/// threads waiting.
-pub(super) fn emission(gpu: &Gpu) -> &'static Pass {
-    let caps = gpu.caps();
-    let wide = matches!(caps.subgroup, Subgroup::Hardware(WIDE..));
-    if wide && caps.kind != DeviceKind::Cpu { &emit::TOGETHER } else { &emit::PASS }
+/// The passes of lists that are sorted in tiles.
+pub(super) struct ListPasses {
+    pub(super) offsets: ChosenPass,
+    pub(super) emit: ChosenPass,
+    pub(super) sort: ChosenPass,
+}
+
+pub(super) fn list_passes(gpu: &Gpu) -> ListPasses {
+    match gpu.caps().subgroup {
+        Subgroup::Hardware(_) => ListPasses {
+            offsets: ChosenPass::plain(&tile_offsets::PASS),
+            emit: ChosenPass::plain(&emit_tiles::PASS),
+            sort: ChosenPass::plain(&tile_sort::PASS),
+        },
+        Subgroup::Emulated(width) => {
+            let width = &[("EMULATED_WIDTH", width)];
+            ListPasses {
+                offsets: ChosenPass::with(&tile_offsets::EMULATED, width),
+                emit: ChosenPass::with(&emit_tiles::EMULATED, width),
+                sort: ChosenPass::with(&tile_sort::EMULATED, width),
+            }
+        }
+    }
 }
 
 /// The projection for models in 32 bits.

@@ -170,9 +170,9 @@ impl Renderer {
         let args = gpu.buffer("args", 16 * u64::from(ENTRIES), Memory::Device)?;
         let (splats, pairs, tiles) = (u64::from(size.splats), u64::from(size.pairs), u64::from(size.tiles));
         let capacities = Capacities { splats, pairs, tiles };
-        let shape = SortShape::of(gpu.caps(), pairs);
+        let (lists, shape) = (variants.lists, SortShape::of(gpu.caps()));
         let slots = size.train && variants.gradients == GradientSum::Slots;
-        let for_lists = ScratchLayout::new(gpu, &capacities, shape).bytes();
+        let for_lists = ScratchLayout::new(gpu, &capacities, lists, shape).bytes();
         let early = if size.train {
             gpu.buffer("grad2d", for_lists.max(ROW_2D * n).max(LEAST_2D), Memory::Device)?
         } else {
@@ -186,8 +186,14 @@ impl Renderer {
         // The splats of slots are no longer needed when gradients are written to the slots, so both share memory.
         let slot_splat =
             backward.as_ref().filter(|_| slots).map(|b| BufferRange::of(&b.slot_grads, 0..4 * pairs.max(1)));
-        let lists =
-            TileLists::within(gpu, capacities, shape, ScratchBuffers { early: &early, slot_splat }, size.listed)?;
+        let lists = TileLists::within(
+            gpu,
+            capacities,
+            lists,
+            shape,
+            ScratchBuffers { early: &early, slot_splat },
+            size.listed,
+        )?;
         Ok(Self {
             gpu: gpu.clone(),
             variants,

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::sort::SortShape;
 use super::tiles::{Capacities, DEPTH_BITS, tile_bits};
+use super::variants::ListSort;
 use crate::vk::{Buffer, BufferRange, Gpu, Memory, Result};
 
 /// Byte ranges in one buffer for data of the tile lists that are not needed in the backward pass:
@@ -15,6 +16,9 @@ use crate::vk::{Buffer, BufferRange, Gpu, Memory, Result};
 /// | two tables of the depth sort | the depth sort | its end |
 /// | two tables of the tile sort, overlapping all rows above | after `emit` | the end of the tile sort |
 ///
+/// Lists that are sorted in tiles ([`ListSort::Tiles`]) need only one side of the keys and the second side of the values,
+/// for the list of the visible splats; the tables are empty.
+///
 /// In training the buffer also holds the gradients of the projected splats. The gradients are written after the lists
 /// are complete, when these ranges are no longer read.
 pub(super) struct ScratchLayout {
@@ -25,7 +29,7 @@ pub(super) struct ScratchLayout {
 }
 
 impl ScratchLayout {
-    pub(super) fn new(gpu: &Gpu, capacities: &Capacities, shape: SortShape) -> ScratchLayout {
+    pub(super) fn new(gpu: &Gpu, capacities: &Capacities, lists: ListSort, shape: SortShape) -> ScratchLayout {
         let alignment = gpu.caps().limits.storage_alignment;
         let place = |end: &mut u64, bytes: u64| {
             let begin = end.next_multiple_of(alignment);
@@ -33,8 +37,13 @@ impl ScratchLayout {
             begin..*end
         };
         let splats = 4 * capacities.splats.max(1);
-        let depth = 4 * shape.table_words(capacities.splats, DEPTH_BITS);
-        let tile = 4 * shape.table_words(capacities.pairs, tile_bits(capacities.tiles));
+        let (depth, tile) = match lists {
+            ListSort::Global => (
+                4 * shape.table_words(capacities.splats, DEPTH_BITS),
+                4 * shape.table_words(capacities.pairs, tile_bits(capacities.tiles)),
+            ),
+            ListSort::Tiles => (0, 0),
+        };
         let (mut early, mut late) = (0, 0);
         let mut two = |bytes| [place(&mut early, bytes), place(&mut early, bytes)];
         let keys = two(splats);

@@ -1,6 +1,6 @@
 //! Size of a renderer, and the limits from a device's buffer size.
 
-use super::variants::{GradientSum, Variants};
+use super::variants::{GradientSum, ListSort, Variants};
 use crate::vk::Gpu;
 
 /// Most splats that fit the device's largest buffer; each plane is one buffer.
@@ -9,9 +9,13 @@ pub fn most_splats(gpu: &Gpu) -> u32 {
 }
 
 /// Most (splat, tile) pairs that fit the device's largest buffer. With slots a pair takes 12 floats in a buffer,
-/// otherwise one word.
+/// otherwise two words, or one with sorts of all pairs.
 pub fn most_pairs(gpu: &Gpu, variants: Variants) -> u32 {
-    let row = if variants.gradients == GradientSum::Slots { LARGEST_ROW } else { 4 };
+    let row = match (variants.gradients, variants.lists) {
+        (GradientSum::Slots, _) => LARGEST_ROW,
+        (_, ListSort::Tiles) => 8,
+        (_, ListSort::Global) => 4,
+    };
     most(gpu, row)
 }
 

@@ -18,38 +18,24 @@ pub enum SortShape {
     Runs,
     /// A workgroup owns a block of keys. For GPUs.
     Groups,
-    /// Like `Groups`, with blocks twice as long. For many keys.
-    LongGroups,
 }
-
-/// Least number of keys for long blocks: with fewer keys, more workgroups gain more than longer contiguous writes.
-const MANY: u64 = 4 << 20;
 
 impl fmt::Display for SortShape {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             SortShape::Runs => "runs",
             SortShape::Groups => "groups",
-            SortShape::LongGroups => "long groups",
         })
     }
 }
 
 impl SortShape {
-    /// The best shape for a device and up to `most` keys.
-    pub fn of(caps: &Caps, most: u64) -> SortShape {
-        let room = |shape: SortShape| {
-            let Kernels { scatter, width, .. } = Kernels::of(shape, caps.subgroup);
-            let given = [&shape.items(), width.as_slice()].concat();
-            caps.limits.workgroup_size >= pass::GROUPS_LOCAL_SIZE && scatter.kernel.fits(&caps.limits, &given)
-        };
-        if caps.kind == DeviceKind::Cpu || !room(SortShape::Groups) {
-            SortShape::Runs
-        } else if most < MANY || !room(SortShape::LongGroups) {
-            SortShape::Groups
-        } else {
-            SortShape::LongGroups
-        }
+    /// The best shape for a device.
+    pub fn of(caps: &Caps) -> SortShape {
+        let Kernels { scatter, width, .. } = Kernels::of(SortShape::Groups, caps.subgroup);
+        let room = caps.limits.workgroup_size >= pass::GROUPS_LOCAL_SIZE
+            && scatter.kernel.fits(&caps.limits, width.as_slice());
+        if caps.kind == DeviceKind::Cpu || !room { SortShape::Runs } else { SortShape::Groups }
     }
 
     /// Keys in a block. Each block has a column in the table of digit counts.
@@ -57,20 +43,14 @@ impl SortShape {
         match self {
             SortShape::Runs => pass::RUNS_BLOCK,
             SortShape::Groups => pass::GROUPS_LOCAL_SIZE * pass::GROUPS_ITEMS,
-            SortShape::LongGroups => pass::GROUPS_LOCAL_SIZE * pass::GROUPS_ITEMS_OF_MANY,
         }
-    }
-
-    /// The specialization constant for keys per thread, unless default.
-    fn items(self) -> Vec<(&'static str, u32)> {
-        if self == SortShape::LongGroups { vec![("ITEMS", pass::GROUPS_ITEMS_OF_MANY)] } else { Vec::new() }
     }
 
     /// Keys covered by one workgroup.
     pub const fn keys_per_group(self) -> u32 {
         match self {
             SortShape::Runs => pass::RUNS_BLOCK * pass::RUNS_LOCAL_SIZE,
-            SortShape::Groups | SortShape::LongGroups => self.block(),
+            SortShape::Groups => self.block(),
         }
     }
 
@@ -96,7 +76,7 @@ impl SortShape {
         let rows = self.digits(bits).rows();
         let table = match self {
             SortShape::Runs => Entry { divide: self.block(), multiply: rows, items: SCAN_BLOCK },
-            SortShape::Groups | SortShape::LongGroups => Entry::fixed(rows),
+            SortShape::Groups => Entry::fixed(rows),
         };
         [Entry::items(self.keys_per_group()), table]
     }
@@ -180,16 +160,15 @@ impl SortPasses {
     /// Creates passes for up to `most` keys of up to `bits` bits. `name` begins the name of the prefix sum's buffer.
     pub(crate) fn new(gpu: &Gpu, name: &str, shape: SortShape, most: u64, bits: u32) -> Result<SortPasses> {
         let Kernels { count, rows, scatter, width } = Kernels::of(shape, gpu.caps().subgroup);
-        let (items, width) = (shape.items(), width.as_slice());
         let sums = match rows {
             None => Sums::Whole(Scan::new(gpu, name, shape.table_words(most, bits))?),
-            Some((rows, width)) => Sums::Rows(gpu.pipeline(&rows.kernel, &[&items, width.as_slice()].concat())?),
+            Some((rows, width)) => Sums::Rows(gpu.pipeline(&rows.kernel, width.as_slice())?),
         };
         Ok(SortPasses {
             shape,
-            count: gpu.pipeline(&count.kernel, &items)?,
+            count: gpu.pipeline(&count.kernel, &[])?,
             sums,
-            scatter: gpu.pipeline(&scatter.kernel, &[&items, width].concat())?,
+            scatter: gpu.pipeline(&scatter.kernel, width.as_slice())?,
         })
     }
 
@@ -250,10 +229,10 @@ impl SortPasses {
     }
 }
 
-/// The passes of a shape, with further constants besides [`SortShape::items`].
+/// The passes of a shape, with a constant for the width of subgroups.
 struct Kernels {
     count: &'static Pass,
-    /// Only for `Groups` and `LongGroups`.
+    /// Only for `Groups`.
     rows: Option<(&'static Pass, Option<(&'static str, u32)>)>,
     scatter: &'static Pass,
     width: Option<(&'static str, u32)>,
@@ -357,7 +336,7 @@ mod tests {
 
     #[test]
     fn digits_cover_every_bit_once() {
-        for shape in [SortShape::Runs, SortShape::Groups, SortShape::LongGroups] {
+        for shape in [SortShape::Runs, SortShape::Groups] {
             for bits in 0..=32 {
                 let digits = shape.digits(bits);
                 let covered = (0..digits.passes).fold(0u64, |seen, digit| {

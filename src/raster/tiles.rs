@@ -1,19 +1,24 @@
 //! Tile lists: for every tile, the splats on the tile in depth order.
 
+mod global;
+mod in_tiles;
+
+use global::GlobalLists;
+use in_tiles::ListsInTiles;
+
 use super::memory_footprint::MemoryFootprint;
-use super::pass_select;
 use super::scan::{self, Scan, ScanExtent, Summand};
-use super::scratch_buffers::{ScratchBuffers, ScratchLayout, parts, words};
-use super::sort::{KeyCount, RadixSort, SortShape, Unsorted};
+use super::scratch_buffers::{ScratchBuffers, ScratchLayout};
+use super::sort::SortShape;
+use super::variants::ListSort;
 use crate::pass::plan::{self, Entry, NO_COUNTER};
-use crate::pass::turns::per_turn;
-use crate::pass::{alpha_min, compact, counters, emit, slot_sum, tile_ranges};
+use crate::pass::{compact, counters};
 use crate::scene::tile::TileGrid;
 use crate::vk::{Buffer, BufferRange, BufferSlice, Error, Gpu, Groups, Memory, Pipeline, Recorder, Result};
 
 /// Bits of a depth key. Depths are positive, so the sign bit is always 0.
 pub(crate) const DEPTH_BITS: u32 = 31;
-/// Workgroup size: splats for `compact`, `gather_counts` and `emit`, pairs for `tile_ranges`.
+/// Workgroup size: splats, or pairs for `tile_ranges`.
 const LOCAL_SIZE: u32 = 64;
 
 /// Number of consecutive entries of `args` that [`TileLists`] uses.
@@ -53,31 +58,32 @@ pub struct Capacities {
 
 /// The buffers and passes of the tile lists.
 pub struct TileLists {
-    gpu: Gpu,
-    capacities: Capacities,
-    shape: SortShape,
-    depth_bits: u32,
     plan: Pipeline,
+    visible: VisibleSplats,
+    order: Order,
+    /// Most (splat, tile) pairs. The largest word is reserved for counts that overflow a word.
+    pairs_that_fit: u32,
+    depth_bits: u32,
+    capacities: Capacities,
+    tile_ranges: BufferRange,
+}
+
+/// How lists come into order.
+enum Order {
+    Global(GlobalLists),
+    Tiles(ListsInTiles),
+}
+
+/// The list of the visible splats.
+struct VisibleSplats {
+    scan: Scan,
     compact: Pipeline,
-    gather_counts: Pipeline,
-    emit: Pipeline,
-    /// Constants of the emission pass.
-    emission: [(&'static str, u32); 3],
-    ranges: Pipeline,
-    splat_scan: Scan,
-    depth_sort: RadixSort,
-    tile_sort: RadixSort,
-    keys: [BufferRange; 2],
-    vals: [BufferRange; 2],
-    /// The visible splats in index order, if used later by the optimiser or the sums of slots.
+    /// In index order, if used later by the optimiser or the sums of slots.
     listed: Option<BufferRange>,
     /// Whether the optimiser uses `listed`.
     optimised: bool,
-    pair_keys: [BufferRange; 2],
-    pair_vals: [BufferRange; 2],
     /// `None` without slots: pairs then carry the splat instead of the slot.
     slots: Option<SlotBuffers>,
-    tile_ranges: Buffer,
 }
 
 /// Buffers of slots.
@@ -109,7 +115,7 @@ pub struct TileListInputs<'a> {
 /// The lists of one recorded frame.
 #[derive(Clone, Copy)]
 pub struct FrameLists<'a> {
-    /// Slot data; `None` without slots, when the memory is reused before the lists are complete.
+    /// Slot data; `None` without slots.
     pub slots: Option<Slots<'a>>,
     /// Splat of each pair, in (tile, depth) order.
     pub sorted_splats: BufferSlice<'a>,
@@ -133,18 +139,28 @@ pub struct Slots<'a> {
     pub sorted_slots: BufferSlice<'a>,
 }
 
+/// Scratch memory for the list of the visible splats.
+#[derive(Clone, Copy)]
+struct VisibleScratch<'a> {
+    /// Depth keys.
+    keys: BufferSlice<'a>,
+    /// The splats, unless they are kept in `listed`.
+    splats: BufferSlice<'a>,
+    places: BufferSlice<'a>,
+}
+
 impl TileLists {
     /// Allocates tile lists of the given capacities, with slots.
-    pub fn new(gpu: &Gpu, capacities: Capacities) -> Result<TileLists> {
-        TileLists::with_shape(gpu, capacities, SortShape::of(gpu.caps(), capacities.pairs))
+    pub fn new(gpu: &Gpu, capacities: Capacities, lists: ListSort) -> Result<TileLists> {
+        TileLists::with_shape(gpu, capacities, lists, SortShape::of(gpu.caps()))
     }
 
-    /// Like [`Self::new`], with a given shape of the sorts.
-    pub fn with_shape(gpu: &Gpu, capacities: Capacities, shape: SortShape) -> Result<TileLists> {
-        let early = gpu.buffer("lists", ScratchLayout::new(gpu, &capacities, shape).bytes(), Memory::Device)?;
+    /// Like [`Self::new`], with a given shape of global sorts.
+    pub fn with_shape(gpu: &Gpu, capacities: Capacities, lists: ListSort, shape: SortShape) -> Result<TileLists> {
+        let early = gpu.buffer("lists", ScratchLayout::new(gpu, &capacities, lists, shape).bytes(), Memory::Device)?;
         let slot_splat = gpu.buffer("slot_splat", 4 * capacities.pairs.max(1), Memory::Device)?;
         let slot_splat = Some(BufferRange::whole(slot_splat));
-        TileLists::within(gpu, capacities, shape, ScratchBuffers { early: &early, slot_splat }, false)
+        TileLists::within(gpu, capacities, lists, shape, ScratchBuffers { early: &early, slot_splat }, false)
     }
 
     /// Like [`Self::with_shape`], in lent scratch memory: see [`ScratchLayout`]. `listed` keeps the visible splats in
@@ -152,58 +168,43 @@ impl TileLists {
     pub(super) fn within(
         gpu: &Gpu,
         capacities: Capacities,
+        lists: ListSort,
         shape: SortShape,
         loan: ScratchBuffers<'_>,
         listed: bool,
     ) -> Result<TileLists> {
-        let Capacities { splats, pairs, tiles } = capacities;
-        let layout = ScratchLayout::new(gpu, &capacities, shape);
-        let [depth_tables, tile_tables, keys, vals] =
-            [&layout.depth_tables, &layout.tile_tables, &layout.keys, &layout.vals]
-                .map(|ranges| parts(loan.early, ranges));
-        let of_splats = |name| gpu.buffer(name, 4 * splats.max(1), Memory::Device).map(BufferRange::whole);
-        let carried = ("CARRIED", u32::from(loan.slot_splat.is_none()));
-        let emission = [carried, per_turn(tiles), alpha_min::constant(None)];
+        let layout = ScratchLayout::new(gpu, &capacities, lists, shape);
+        let with_slots = loan.slot_splat.is_some();
+        let (order, tile_ranges) = match lists {
+            ListSort::Global => {
+                let ranges =
+                    BufferRange::whole(gpu.buffer("tile_ranges", 8 * capacities.tiles.max(1), Memory::Device)?);
+                (Order::Global(GlobalLists::new(gpu, &capacities, shape, &layout, loan.early, with_slots)?), ranges)
+            }
+            ListSort::Tiles => {
+                let (lists, ranges) = ListsInTiles::new(gpu, &capacities, &layout, loan.early, with_slots)?;
+                (Order::Tiles(lists), ranges)
+            }
+        };
         Ok(TileLists {
-            gpu: gpu.clone(),
-            capacities,
-            shape,
-            depth_bits: DEPTH_BITS,
             plan: gpu.pipeline(&plan::PASS.kernel, &[])?,
-            compact: gpu.pipeline(&compact::PASS.kernel, &[])?,
-            gather_counts: gpu.pipeline(&compact::GATHER_COUNTS.kernel, &[])?,
-            emit: gpu.pipeline(&pass_select::emission(gpu).kernel, &emission)?,
-            emission,
-            ranges: gpu.pipeline(&tile_ranges::PASS.kernel, &[carried])?,
-            splat_scan: Scan::new(gpu, "splat_scan", splats)?,
-            depth_sort: RadixSort::within(gpu, "depth_sort", shape, splats, DEPTH_BITS, depth_tables)?,
-            tile_sort: RadixSort::within(gpu, "tile_sort", shape, pairs, tile_bits(tiles), tile_tables)?,
-            keys,
-            vals,
-            listed: (listed || loan.slot_splat.is_some()).then(|| of_splats("listed")).transpose()?,
-            optimised: listed,
-            pair_keys: words(gpu, ["pair_keys0", "pair_keys1"], pairs)?,
-            pair_vals: words(gpu, ["pair_vals0", "pair_vals1"], pairs)?,
-            slots: loan
-                .slot_splat
-                .map(|splat| Ok::<_, Error>(SlotBuffers { splat, offsets: of_splats("slot_offsets")? }))
-                .transpose()?,
-            tile_ranges: gpu.buffer("tile_ranges", 8 * tiles.max(1), Memory::Device)?,
+            visible: VisibleSplats::new(gpu, capacities.splats, loan.slot_splat, listed)?,
+            order,
+            pairs_that_fit: u32::try_from(capacities.pairs).unwrap_or(u32::MAX).min(u32::MAX - 1),
+            depth_bits: DEPTH_BITS,
+            capacities,
+            tile_ranges,
         })
     }
 
     /// Bytes of the lists' own buffers, without lent memory.
     pub(super) fn held(&self) -> MemoryFootprint {
-        let bytes = |parts: &[BufferRange; 2]| parts.iter().map(|part| part.slice().bytes()).sum::<u64>();
-        let listed = self.listed.as_ref().map_or(0, |part| part.slice().bytes());
-        let (of_optimiser, of_slots) = if self.optimised { (listed, 0) } else { (0, listed) };
-        MemoryFootprint {
-            splats: self.splat_scan.bytes() + self.depth_sort.bytes() + of_optimiser,
-            pairs: bytes(&self.pair_keys) + bytes(&self.pair_vals) + self.tile_sort.bytes(),
-            pixels: self.tile_ranges.size(),
-            slot_splats: of_slots + self.slots.as_ref().map_or(0, |slots| slots.offsets.slice().bytes()),
-            ..MemoryFootprint::default()
-        }
+        let pixels = self.tile_ranges.slice().bytes();
+        let of_order = match &self.order {
+            Order::Global(lists) => lists.held(),
+            Order::Tiles(lists) => lists.held(),
+        };
+        of_order + self.visible.held() + MemoryFootprint { pixels, ..MemoryFootprint::default() }
     }
 
     /// Sorts splats by only the highest `bits` bits of their depth, at most 31 (the default). Splats with equal depth
@@ -217,7 +218,7 @@ impl TileLists {
     /// kept for the optimiser.
     pub(super) fn listed<'a>(&'a self, args: &'a Buffer, first_entry: u32) -> Option<(BufferSlice<'a>, Groups<'a>)> {
         let groups = Groups::Indirect(args, Entry::offset(first_entry + VISIBLE_ITEMS));
-        self.listed.as_ref().filter(|_| self.optimised).map(|part| (part.slice(), groups))
+        self.visible.listed.as_ref().filter(|_| self.visible.optimised).map(|part| (part.slice(), groups))
     }
 
     /// The capacities given at construction.
@@ -234,151 +235,90 @@ impl TileLists {
         inputs: TileListInputs<'a>,
         grid: &TileGrid,
     ) -> Result<FrameLists<'a>> {
-        let [columns, rows] = grid.counts();
-        let tiles = columns * rows;
-        self.record_visible(rec, &inputs)?;
-        let nearest_first = self.record_depth_order(rec, &inputs)?;
-        self.record_plan_of_pairs(rec, &inputs, tiles)?;
-        self.record_pairs(rec, &inputs, grid, nearest_first)?;
-        self.record_tile_order(rec, &inputs, tiles)
-    }
-
-    /// Lists the visible splats in index order, with their depths, and computes the first slot of each splat.
-    fn record_visible(&self, rec: &mut Recorder, inputs: &TileListInputs<'_>) -> Result<()> {
-        let [splat2d, tile_counts, count_words] = inputs.slices();
-        let [keys, vals] = [both(&self.keys), both(&self.vals)];
-        let extent = ScanExtent::counted(SPLATS, inputs.args, inputs.at(SPLAT_SCAN), inputs.at(SPLAT_ONCE));
-        // Side 1 of the values serves as scratch for the positions of the visible splats.
-        let places = vals[1];
-        let (counts, to) = (inputs.counters, [tile_counts, places]);
-        self.splat_scan.record(rec, to, counts, extent, Summand::NonZero, VISIBLE)?;
-        if let Some(slots) = &self.slots {
-            let to = [tile_counts, slots.offsets.slice()];
-            self.splat_scan.record(rec, to, counts, extent, Summand::Words, NO_COUNTER)?;
-        }
-        let listed = self.listed.as_ref().map_or(vals[0], BufferRange::slice);
-        let bound = [splat2d, tile_counts, places, count_words, keys[0], listed];
-        let push = compact::Push { shift: DEPTH_BITS - self.depth_bits };
-        rec.dispatch(&self.compact, &bound, &push, inputs.groups(SPLAT_ITEMS))
-    }
-
-    /// Sorts the visible splats by depth, and computes the first pair of each splat.
-    fn record_depth_order<'a>(&'a self, rec: &mut Recorder, inputs: &TileListInputs<'_>) -> Result<NearestFirst<'a>> {
-        let [_, tile_counts, count_words] = inputs.slices();
-        let [sort, table] = self.shape.entries(self.depth_bits);
-        let slot_sums = Entry::items(slot_sum::SPLATS_PER_WORKGROUP);
-        let of_visible = [sort, table, scan::entry(), Entry::items(LOCAL_SIZE), Entry::fixed(1), slot_sums];
-        self.record_plan(rec, inputs, plan::Push::unlimited(VISIBLE, inputs.at(VISIBLE_SORT), &of_visible))?;
-        let sorted = Unsorted {
-            keys: both(&self.keys),
-            vals: both(&self.vals),
-            apart: self.listed.as_ref().map(BufferRange::slice),
+        let sorted = match &self.order {
+            Order::Global(lists) => lists.record(rec, self, &inputs, grid)?,
+            Order::Tiles(lists) => lists.record(rec, self, &inputs, grid)?,
         };
-        let Unsorted { keys, vals, .. } = sorted;
-        let (args, once) = (inputs.args, inputs.at(VISIBLE_ONCE));
-        let extent = KeyCount::Counted { counter: VISIBLE, args, first: inputs.at(VISIBLE_SORT), once };
-        let side = self.depth_sort.record_from(rec, sorted, inputs.counters, extent, self.depth_bits)?;
-        // The keys and the other side of the values are free again.
-        let (order, pair_offsets, visible_counts) = (vals[side], vals[1 - side], keys[0]);
-        let bound = [order, tile_counts, count_words, visible_counts];
-        rec.dispatch(&self.gather_counts, &bound, &(), inputs.groups(VISIBLE_ITEMS))?;
-        let extent = ScanExtent::counted(VISIBLE, args, inputs.at(VISIBLE_SCAN), once);
-        let sides = [visible_counts, pair_offsets];
-        self.splat_scan.record(rec, sides, inputs.counters, extent, Summand::Words, PAIRS)?;
-        Ok(NearestFirst { order, pair_offsets })
-    }
-
-    /// Plans the passes over pairs if the pairs fit. Otherwise voids every planned dispatch, so that no later pass runs
-    /// on incomplete lists.
-    fn record_plan_of_pairs(&self, rec: &mut Recorder, inputs: &TileListInputs<'_>, tiles: u32) -> Result<()> {
-        let [sort, table] = self.shape.entries(tile_bits(u64::from(tiles)));
-        let of_pairs = [sort, table, Entry::items(LOCAL_SIZE), Entry::fixed(1)];
-        let push = plan::Push::unlimited(PAIRS, inputs.at(PAIR_SORT), &of_pairs);
-        let push = push.limited(self.pairs_that_fit(), counters::PAIRS_BIT, counters::WANT_PAIRS as u32);
-        self.record_plan(rec, inputs, push.voiding(inputs.entries))
-    }
-
-    /// Emits the pairs; the pairs of a splat are consecutive.
-    fn record_pairs(
-        &self,
-        rec: &mut Recorder,
-        inputs: &TileListInputs<'_>,
-        grid: &TileGrid,
-        NearestFirst { order, pair_offsets }: NearestFirst<'_>,
-    ) -> Result<()> {
-        let [splat2d, tile_counts, count_words] = inputs.slices();
-        let push = emit::Push {
-            width: grid.image[0],
-            height: grid.image[1],
-            tile_width: grid.tile[0],
-            tile_height: grid.tile[1],
-            capacity: self.pairs_that_fit(),
-        };
-        let (keys, vals) = (both(&self.pair_keys), both(&self.pair_vals));
-        // Without slots, placeholders are bound, which the pass neither reads nor writes.
-        let slots = self.slots.as_ref().map(|slots| (slots.splat.slice(), slots.offsets.slice()));
-        let (slot_splat, slot_offsets) = slots.unwrap_or((vals[1], pair_offsets));
-        let pairs_of = [count_words, keys[0], vals[0], slot_splat, slot_offsets];
-        let bound = [splat2d, tile_counts, order, pair_offsets].into_iter().chain(pairs_of).collect::<Vec<_>>();
-        let emit = match inputs.alpha_cutoff {
-            cutoff @ Some(_) => {
-                let [carried, per_turn, _] = self.emission;
-                let constants = [carried, per_turn, alpha_min::constant(cutoff)];
-                self.gpu.pipeline(&pass_select::emission(&self.gpu).kernel, &constants)?
-            }
-            None => self.emit.clone(),
-        };
-        rec.dispatch(&emit, &bound, &push, inputs.groups(VISIBLE_ITEMS))
-    }
-
-    /// Sorts the pairs by tile and finds the range of each tile. The sort is stable, so the pairs of a tile stay in
-    /// depth order.
-    fn record_tile_order<'a>(
-        &'a self,
-        rec: &mut Recorder,
-        inputs: &TileListInputs<'a>,
-        tiles: u32,
-    ) -> Result<FrameLists<'a>> {
-        let [_, _, count_words] = inputs.slices();
-        let (keys, vals) = (both(&self.pair_keys), both(&self.pair_vals));
-        let (args, once) = (inputs.args, inputs.at(PAIR_ONCE));
-        let extent = KeyCount::Counted { counter: PAIRS, args, first: inputs.at(PAIR_SORT), once };
-        let bits = tile_bits(u64::from(tiles));
-        let side = self.tile_sort.record(rec, keys, vals, inputs.counters, extent, bits)?;
-        rec.fill(&self.tile_ranges, 0)?;
-        let ranges: BufferSlice<'_> = (&self.tile_ranges).into();
-        // The other side of the keys is free again.
-        let slot_splat = self.slots.as_ref().map_or(vals[1 - side], |slots| slots.splat.slice());
-        let bound = [keys[side], vals[side], slot_splat, count_words, keys[1 - side], ranges];
-        rec.dispatch(&self.ranges, &bound, &tile_ranges::Push { tiles }, inputs.groups(PAIR_ITEMS))?;
+        let slots = self.visible.slots.as_ref().zip(self.visible.listed.as_ref());
         Ok(FrameLists {
-            slots: self.slots.as_ref().zip(self.listed.as_ref()).map(|(slots, listed)| Slots {
+            slots: slots.map(|(slots, listed)| Slots {
                 listed: listed.slice(),
                 slot_offsets: slots.offsets.slice(),
                 slot_splat: slots.splat.slice(),
-                sorted_slots: vals[side],
+                sorted_slots: sorted.slots,
             }),
-            sorted_splats: if self.slots.is_some() { keys[1 - side] } else { vals[side] },
-            tile_ranges: ranges,
+            sorted_splats: sorted.splats,
+            tile_ranges: self.tile_ranges.slice(),
             slot_sums: inputs.groups(VISIBLE_SLOTS),
         })
+    }
+
+    /// Plans passes over pairs if the pairs fit. Otherwise voids every planned dispatch, so that no later pass runs on
+    /// incomplete lists.
+    fn record_plan_of_pairs(&self, rec: &mut Recorder, inputs: &TileListInputs<'_>, of_pairs: &[Entry]) -> Result<()> {
+        let push = plan::Push::unlimited(PAIRS, inputs.at(PAIR_SORT), of_pairs);
+        let push = push.limited(self.pairs_that_fit, counters::PAIRS_BIT, counters::WANT_PAIRS as u32);
+        self.record_plan(rec, inputs, push.voiding(inputs.entries))
     }
 
     fn record_plan(&self, rec: &mut Recorder, inputs: &TileListInputs<'_>, push: plan::Push) -> Result<()> {
         rec.dispatch(&self.plan, &[inputs.counters, inputs.args], &push, Groups::Workgroups(1))
     }
-
-    /// Most pairs. The largest word is reserved for counts that overflow a word.
-    fn pairs_that_fit(&self) -> u32 {
-        u32::try_from(self.capacities.pairs).unwrap_or(u32::MAX).min(u32::MAX - 1)
-    }
 }
 
-/// The visible splats in depth order, and for each splat the number of pairs of all splats before.
-#[derive(Clone, Copy)]
-struct NearestFirst<'a> {
-    order: BufferSlice<'a>,
-    pair_offsets: BufferSlice<'a>,
+/// Pairs in (tile, depth) order.
+struct SortedPairs<'a> {
+    splats: BufferSlice<'a>,
+    /// Meaningful only with slots.
+    slots: BufferSlice<'a>,
+}
+
+impl VisibleSplats {
+    fn new(gpu: &Gpu, splats: u64, slot_splat: Option<BufferRange>, optimised: bool) -> Result<Self> {
+        let of_splats = |name| gpu.buffer(name, 4 * splats.max(1), Memory::Device).map(BufferRange::whole);
+        Ok(Self {
+            scan: Scan::new(gpu, "splat_scan", splats)?,
+            compact: gpu.pipeline(&compact::PASS.kernel, &[])?,
+            listed: (optimised || slot_splat.is_some()).then(|| of_splats("listed")).transpose()?,
+            optimised,
+            slots: slot_splat
+                .map(|splat| Ok::<_, Error>(SlotBuffers { splat, offsets: of_splats("slot_offsets")? }))
+                .transpose()?,
+        })
+    }
+
+    fn held(&self) -> MemoryFootprint {
+        let listed = self.listed.as_ref().map_or(0, |part| part.slice().bytes());
+        let (of_optimiser, of_slots) = if self.optimised { (listed, 0) } else { (0, listed) };
+        MemoryFootprint {
+            splats: self.scan.bytes() + of_optimiser,
+            slot_splats: of_slots + self.slots.as_ref().map_or(0, |slots| slots.offsets.slice().bytes()),
+            ..MemoryFootprint::default()
+        }
+    }
+
+    /// Lists the visible splats in index order, with the highest `depth_bits` bits of their depths, and computes the
+    /// first slot of each splat.
+    fn record(
+        &self,
+        rec: &mut Recorder,
+        inputs: &TileListInputs<'_>,
+        scratch: VisibleScratch<'_>,
+        depth_bits: u32,
+    ) -> Result<()> {
+        let [splat2d, tile_counts, count_words] = inputs.slices();
+        let extent = ScanExtent::counted(SPLATS, inputs.args, inputs.at(SPLAT_SCAN), inputs.at(SPLAT_ONCE));
+        let (counts, to) = (inputs.counters, [tile_counts, scratch.places]);
+        self.scan.record(rec, to, counts, extent, Summand::NonZero, VISIBLE)?;
+        if let Some(slots) = &self.slots {
+            let to = [tile_counts, slots.offsets.slice()];
+            self.scan.record(rec, to, counts, extent, Summand::Words, NO_COUNTER)?;
+        }
+        let listed = self.listed.as_ref().map_or(scratch.splats, BufferRange::slice);
+        let bound = [splat2d, tile_counts, scratch.places, count_words, scratch.keys, listed];
+        let push = compact::Push { shift: DEPTH_BITS - depth_bits };
+        rec.dispatch(&self.compact, &bound, &push, inputs.groups(SPLAT_ITEMS))
+    }
 }
 
 impl<'a> TileListInputs<'a> {
@@ -401,8 +341,4 @@ impl<'a> TileListInputs<'a> {
 /// Bits of a pair's key, for tile numbers 0 to `tiles` inclusive (`emit` uses the number `tiles` for padding).
 pub(crate) fn tile_bits(tiles: u64) -> u32 {
     (64 - tiles.leading_zeros()).min(32)
-}
-
-fn both(parts: &[BufferRange; 2]) -> [BufferSlice<'_>; 2] {
-    [parts[0].slice(), parts[1].slice()]
 }

@@ -58,7 +58,7 @@ pub struct Outcome {
 
 /// Density control with room for `splats` splats.
 fn density_control(gpu: &Gpu, splats: u32, needs: &Needs) -> Result<DensityControl, Error> {
-    let shape = SortShape::of(gpu.caps(), u64::from(splats));
+    let shape = SortShape::of(gpu.caps());
     Ok(DensityControl::new(gpu, splats, DENSITY_ENTRY, needs.extent, shape)?)
 }
 

@@ -315,7 +315,13 @@ group! {
         pub tile_shape: crate::raster::TileShape,
     }
     constants {}
-    unset {}
+    unset {
+        /// Put the splats of tiles in depth order by sorts of all splats and pairs (global), or each tile's list by itself
+        /// (tiles); unset: what suits the device
+        pub list_sort: crate::raster::ListSort,
+        /// Walk along the lists of pixel tiles in the backward pass as a whole, or in chunks by need; unset: by need
+        pub chunks: crate::raster::Chunks,
+    }
 }
 
 group! {

@@ -19,11 +19,11 @@ use super::engine::Engine;
 use super::input::{Input, OptionalInput};
 use super::pacing::Pacing;
 use super::schedule::{Adam, Band, Event, Schedule, StepPlan};
-use super::settings::{Settings, Tune};
+use super::settings::{BlendingVariants, Settings, Tune};
 use super::{Error, memory};
 use crate::pass::counters;
 use crate::raster::Variants;
-use crate::vk::Gpu;
+use crate::vk::{DeviceKind, Gpu};
 
 /// Views that are timed, spread over the training views.
 const VIEWS: usize = 2;
@@ -75,7 +75,7 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
         return by_capability("`tune` is off");
     }
     let candidates = candidates(gpu, settings, default);
-    if candidates.len() < 2 {
+    if candidates.len() < 2 && other_lists(gpu, settings, default).is_empty() {
         return by_capability("no other variant is possible");
     }
     if input.train.is_empty() || gpu.caps().limits.timestamp_ns <= 0.0 {
@@ -85,7 +85,10 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
     let mut warning = None;
     if let (Tune::Auto, Some(folder)) = (settings.run.tune, kept) {
         match cache::find(folder, gpu.caps(), class) {
-            Ok(Some(variants)) if candidates.contains(&variants) => {
+            Ok(Some(variants))
+                if candidates.contains(&variants)
+                    || candidates.iter().any(|&of| other_lists(gpu, settings, of).contains(&variants)) =>
+            {
                 return Ok(Tuned { variants, why: ChoiceReason::Kept, warning: None });
             }
             Ok(_) => {}
@@ -98,11 +101,15 @@ pub fn tuned(gpu: &Gpu, input: &Input, settings: &Settings, kept: Option<&Path>)
             ..by_capability("the training is too short to time variants; `tune` again times them")?
         });
     }
-    let times = measure(gpu, input, settings, &candidates)?;
-    let variants = faster(default, &times);
+    let mut times = measure(gpu, input, settings, &candidates)?;
+    let best = faster(default, &times);
+    // Lists change every candidate's time alike, so only the best tries them.
+    let others = other_lists(gpu, settings, best);
+    times.extend(measure(gpu, input, settings, &others)?);
+    let variants = faster(best, &times);
     // If the settings name a variant, the choice is not among all variants and is not kept.
     let (blending, stepping) = (&settings.blending, &settings.stepping);
-    let free = blending.tile_shape.is_none() && stepping.gradient_sum.is_none();
+    let free = *blending == BlendingVariants::default() && stepping.gradient_sum.is_none();
     if let (Some(folder), true) = (kept, free)
         && let Err(problem) = cache::keep(folder, gpu.caps(), class, variants)
     {
@@ -123,6 +130,22 @@ fn candidates(gpu: &Gpu, settings: &Settings, default: Variants) -> Vec<Variants
         }
     }
     all
+}
+
+/// The variants that differ from these in one property of their lists, as far as the settings and the device allow.
+fn other_lists(gpu: &Gpu, settings: &Settings, variants: Variants) -> Vec<Variants> {
+    let allowed = |other: &Variants| {
+        let mut asked = settings.clone();
+        asked.blending.tile_shape = Some(variants.tile);
+        asked.blending.chunks = asked.blending.chunks.or(Some(other.chunks));
+        asked.stepping.gradient_sum = Some(variants.gradients);
+        // On CPU devices lists are sorted in tiles only if a user asks.
+        if gpu.caps().kind != DeviceKind::Cpu {
+            asked.blending.list_sort = asked.blending.list_sort.or(Some(other.lists));
+        }
+        chosen_variants(gpu, &asked).ok() == Some(*other)
+    };
+    variants.with_other_lists().into_iter().filter(allowed).collect()
 }
 
 /// Seconds of a forward and backward of each variant: medians, summed over the views. A variant whose first step is far

@@ -1,4 +1,4 @@
-//! Twin of `glsl/emit.comp` and `glsl/emit_together.comp`.
+//! Twin of `glsl/emit.comp`.
 
 use super::{Real, TwinCall};
 use crate::pass::counters;

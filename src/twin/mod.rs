@@ -24,6 +24,7 @@ pub mod densify_stats;
 pub mod densify_views;
 pub mod depth_probe;
 pub mod emit;
+pub mod emit_tiles;
 pub mod exposure;
 pub mod feature_distance;
 pub mod fill;
@@ -53,7 +54,10 @@ pub mod splat_outlines;
 pub mod stereo;
 pub mod subgroup_probe;
 mod table;
+pub mod tile_edges;
+pub mod tile_offsets;
 pub mod tile_ranges;
+pub mod tile_sort;
 mod vec3;
 
 pub use crate::scene::Real;

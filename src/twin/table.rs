@@ -3,10 +3,10 @@
 use super::{
     TwinCall, adam, blend_backward, blend_forward, compact, constrain, convolution, crop, densify_axes,
     densify_classify, densify_finish, densify_gather, densify_limit, densify_map, densify_means, densify_order,
-    densify_sample, densify_scores, densify_stats, densify_views, depth_probe, emit, exposure, feature_distance, fill,
-    geometry, gradient_map, loss, noise, opacity_reset, photograph_reduce, plan, pool, probe, project,
-    project_backward, project_backward_adam, project_backward_adam_packed, radix, saliency_plane, scan, slot_sum,
-    splat_outlines, stereo, subgroup_probe, tile_ranges,
+    densify_sample, densify_scores, densify_stats, densify_views, depth_probe, emit, emit_tiles, exposure,
+    feature_distance, fill, geometry, gradient_map, loss, noise, opacity_reset, photograph_reduce, plan, pool, probe,
+    project, project_backward, project_backward_adam, project_backward_adam_packed, radix, saliency_plane, scan,
+    slot_sum, splat_outlines, stereo, subgroup_probe, tile_edges, tile_offsets, tile_ranges, tile_sort,
 };
 use crate::pass::{self, Pass};
 
@@ -14,7 +14,7 @@ use crate::pass::{self, Pass};
 pub type TwinFn = fn(&mut TwinCall<'_>);
 
 /// Every pass with its twin, in the order of [`pass::ALL`].
-pub const TABLE: [(&Pass, TwinFn); 106] = [
+pub const TABLE: [(&Pass, TwinFn); 111] = [
     (&pass::adam::PASS, adam::run),
     (&pass::blend_backward::COLUMN_ATOMIC, blend_backward::run_column_sums),
     (&pass::blend_backward::COLUMN_CAS, blend_backward::run_column_sums),
@@ -53,8 +53,8 @@ pub const TABLE: [(&Pass, TwinFn); 106] = [
     (&pass::densify_views::PASS, densify_views::run),
     (&pass::depth_probe::PASS, depth_probe::run),
     (&pass::emit::PASS, emit::run),
-    (&pass::emit::TOGETHER, emit::run),
-    (&pass::emit::TOGETHER_EMULATED, emit::run),
+    (&pass::emit_tiles::EMULATED, emit_tiles::run),
+    (&pass::emit_tiles::PASS, emit_tiles::run),
     (&pass::exposure::APPLY, exposure::run_apply),
     (&pass::exposure::BACKWARD, exposure::run_backward),
     (&pass::exposure::STEP, exposure::run_step),
@@ -120,7 +120,12 @@ pub const TABLE: [(&Pass, TwinFn); 106] = [
     (&pass::stereo::SWEEP_6, stereo::run_sweep::<6>),
     (&pass::subgroup_probe::EMULATED, subgroup_probe::run),
     (&pass::subgroup_probe::SUBGROUP, subgroup_probe::run),
+    (&pass::tile_edges::PASS, tile_edges::run),
+    (&pass::tile_offsets::EMULATED, tile_offsets::run),
+    (&pass::tile_offsets::PASS, tile_offsets::run),
     (&pass::tile_ranges::PASS, tile_ranges::run),
+    (&pass::tile_sort::EMULATED, tile_sort::run),
+    (&pass::tile_sort::PASS, tile_sort::run),
 ];
 
 /// The twin of a pass; `None` for a pass that is not in [`pass::ALL`].

@@ -40,7 +40,7 @@ pub(crate) struct OnDevice {
 
 impl OnDevice {
     pub(crate) fn new(gpu: &Gpu, model: &Model) -> Self {
-        Self::in_scene(gpu, model, 5.0, SortShape::of(gpu.caps(), model.capacity as u64))
+        Self::in_scene(gpu, model, 5.0, SortShape::of(gpu.caps()))
     }
 
     /// In a scene of the given extent, with sorts of the given shape.

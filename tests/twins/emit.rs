@@ -1,19 +1,19 @@
-//! `emit` in all forms: every counted pair and slot is written, and nothing else. Also pairs that carry splats, counts
+//! `emit`: every counted pair and slot is written, and nothing else. Also pairs that carry splats, counts
 //! that differ from the tiles, and a capacity that is too small.
 
 use psrgs_vk::pass::counters;
-use psrgs_vk::pass::emit::{PASS, Push, TOGETHER, TOGETHER_EMULATED};
+use psrgs_vk::pass::emit::{PASS, Push};
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::scene::tile::{TileGrid, count};
 use psrgs_vk::twin::scan::exclusive;
-use psrgs_vk::vk::{Gpu, Subgroup};
+use psrgs_vk::vk::Gpu;
 
 use super::harness::{self, Words, bytes};
 
 const POISON: u32 = u32::MAX;
 
 /// Rows of `splat2d`: small, needles, giants, far away, on tile borders.
-fn rows(random: &mut Random, n: usize, grid: &TileGrid) -> Vec<[f32; 12]> {
+pub fn rows(random: &mut Random, n: usize, grid: &TileGrid) -> Vec<[f32; 12]> {
     (0..n)
         .map(|i| {
             let [width, height] = grid.image.map(|x| x as f32);
@@ -75,24 +75,17 @@ fn case(gpu: &Gpu, n: usize, grid: &TileGrid, short: u32, adjust: impl Fn(usize,
     let [width, height] = grid.image;
     let [tile_width, tile_height] = grid.tile;
     let push = Push { width, height, tile_width, tile_height, capacity };
-    let run = |pass, given: &[(&str, u32)]| {
-        let outcome = harness::run(gpu, pass, given, &buffers, &push, visible.div_ceil(64).max(1) as u32);
-        outcome.assert_same_bits(&format!("{what}, {} {given:?}", pass.kernel.name));
+    let run = |given: &[(&str, u32)]| {
+        let outcome = harness::run(gpu, &PASS, given, &buffers, &push, visible.div_ceil(64).max(1) as u32);
+        outcome.assert_same_bits(&format!("{what}, {given:?}"));
         outcome
     };
-    let outcome = run(&PASS, &[]);
+    let outcome = run(&[]);
     // One tile per iteration, as in images with few tiles.
     if grid.counts().iter().product::<u32>() <= 32_767 {
-        run(&PASS, &[("PER_TURN", 1)]);
+        run(&[("PER_TURN", 1)]);
     }
-    // Equal bits as the twin, and so as the form above.
-    if matches!(gpu.caps().subgroup, Subgroup::Hardware(_)) {
-        run(&TOGETHER, &[]);
-    }
-    for width in [8, 32, 64] {
-        run(&TOGETHER_EMULATED, &[("EMULATED_WIDTH", width)]);
-    }
-    let carried = run(&PASS, &[("CARRIED", 1)]);
+    let carried = run(&[("CARRIED", 1)]);
     assert!(carried.device::<u32>(7).iter().all(|&w| w == POISON), "{what}: slots are written without slots");
     let [columns, rows] = grid.counts();
     for (i, most) in [(5, columns * rows + 1), (6, pairs), (7, n as u32)] {

@@ -132,9 +132,11 @@ fn dispatch<P: bytemuck::NoUninit>(
     bound.iter().map(|buffer| gpu.read(buffer).unwrap()).collect()
 }
 
-/// Whether a pass leaves equal bits in every run: not where floats are added in the order in which threads arrive.
+/// Whether a pass leaves equal bits in every run: not where floats are added, or places are given out, in the order in
+/// which threads arrive.
 fn repeats(pass: &Pass) -> bool {
-    !["_atomic", "_cas"].iter().any(|ending| pass.kernel.name.ends_with(ending))
+    let name = pass.kernel.name;
+    !["_atomic", "_cas"].iter().any(|ending| name.ends_with(ending)) && !name.starts_with("emit_tiles")
 }
 
 /// Index of the constants among the sets with which a pass is run. Only the first sets run in the other variants: a

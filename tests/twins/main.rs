@@ -31,6 +31,7 @@ mod exposure;
 mod feature_distance;
 mod geometry;
 mod gradient_map;
+mod lists_in_tiles;
 mod loss;
 mod noise;
 mod photograph_reduce;
@@ -50,6 +51,7 @@ mod splat_outlines;
 mod ssim_table;
 mod stereo;
 
+use lists_in_tiles::{emit_tiles, tile_edges, tile_offsets, tile_sort};
 use psrgs_vk::pass;
 use small::{compact, constrain, fill, saliency_plane, slot_sum, subgroup_probe, tile_ranges};
 
@@ -83,7 +85,8 @@ cases! {
         "densify_sample" "densify_scores" "densify_stats" "opacity_reset";
     densify_views: "densify_views";
     depth_probe: "depth_probe";
-    emit: "emit" "emit_together_emulated" "emit_together_subgroup";
+    emit: "emit";
+    emit_tiles: "emit_tiles_emulated" "emit_tiles_subgroup";
     exposure: "exposure_apply" "exposure_backward" "exposure_step";
     feature_distance: "feature_distance" "distance_sum";
     fill: "fill";
@@ -110,7 +113,10 @@ cases! {
     splat_outlines: "splat_outlines";
     stereo: "stereo_blocks" "stereo_filter" "stereo_refit" "stereo_sweep_side3" "stereo_sweep_side4" "stereo_sweep_side5" "stereo_sweep_side6";
     subgroup_probe: "subgroup_probe_subgroup" "subgroup_probe_emulated";
+    tile_edges: "tile_edges";
+    tile_offsets: "tile_offsets_emulated" "tile_offsets_subgroup";
     tile_ranges: "tile_ranges";
+    tile_sort: "tile_sort_emulated" "tile_sort_subgroup";
 }
 
 #[test]
@@ -163,6 +169,7 @@ fn addresses_of_more_passes_lie_in_their_buffers() {
         densify_views::run,
         depth_probe::run,
         emit::run,
+        emit_tiles::run,
         feature_distance::run,
         geometry::run,
         gradient_map::run,
@@ -181,6 +188,9 @@ fn addresses_of_more_passes_lie_in_their_buffers() {
         splat_outlines::run,
         stereo::run,
         subgroup_probe::run,
+        tile_edges::run,
+        tile_offsets::run,
+        tile_sort::run,
     ]);
 }
 

@@ -2,8 +2,8 @@
 
 use psrgs_vk::pass::plan::NO_COUNTER;
 use psrgs_vk::pass::radix::{
-    COUNT_GROUPS, COUNT_RUNS, GROUPS_ITEMS, GROUPS_ITEMS_OF_MANY, GROUPS_LOCAL_SIZE, MOST_BITS, Push, ROWS,
-    ROWS_EMULATED, RUNS_LOCAL_SIZE, SCATTER_GROUPS, SCATTER_GROUPS_EMULATED, SCATTER_RUNS,
+    COUNT_GROUPS, COUNT_RUNS, GROUPS_ITEMS, GROUPS_LOCAL_SIZE, MOST_BITS, Push, ROWS, ROWS_EMULATED, RUNS_LOCAL_SIZE,
+    SCATTER_GROUPS, SCATTER_GROUPS_EMULATED, SCATTER_RUNS,
 };
 use psrgs_vk::pass::{Pass, counters};
 use psrgs_vk::scene::random::Random;
@@ -90,7 +90,7 @@ pub fn run(gpu: &Gpu) {
         shape(gpu, &Shape { count, rows, scatter, given: &given, more, block, per_group: RUNS_LOCAL_SIZE });
     }
     if let Subgroup::Hardware(width) = gpu.caps().subgroup {
-        for items in [1, GROUPS_ITEMS, GROUPS_ITEMS_OF_MANY] {
+        for items in [1, GROUPS_ITEMS, 2 * GROUPS_ITEMS] {
             groups(gpu, &ROWS, &SCATTER_GROUPS, items, [&[], &[("WIDTH", width)]]);
         }
     }

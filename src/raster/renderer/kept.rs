@@ -5,7 +5,7 @@ use crate::pass::blend_forward::{mask_words, state_floats};
 use crate::raster::memory_footprint::MemoryFootprint;
 use crate::raster::pass_select;
 use crate::raster::size::Size;
-use crate::raster::variants::{TileShape, Variants};
+use crate::raster::variants::{Chunks, TileShape, Variants};
 use crate::vk::{Buffer, BufferSlice, Error, Gpu, Memory, Subgroup};
 
 /// Workgroups of a backward pass that fill a large device. Fewer tiles are cut into chunks.
@@ -36,7 +36,8 @@ impl KeptForm {
     /// For images of up to so many tiles.
     fn new(gpu: &Gpu, variants: Variants, size: &Size) -> Self {
         let pixel = variants.tile == TileShape::Pixel;
-        let chunks = if pixel && size.train { (ENOUGH / size.tiles.max(1)).clamp(1, MOST_CHUNKS) } else { 1 };
+        let by_need = size.train && variants.chunks == Chunks::ByNeed;
+        let chunks = if pixel && by_need { (ENOUGH / size.tiles.max(1)).clamp(1, MOST_CHUNKS) } else { 1 };
         let read = pixel && size.train && matches!(gpu.caps().subgroup, Subgroup::Hardware(_));
         Self { pixel, read, chunks }
     }

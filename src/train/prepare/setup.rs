@@ -222,6 +222,8 @@ impl Setup {
         tell(SetupEvent::Variants(&tuned));
         if settings.run.deterministic || !tuned.is_by_capability() {
             settings.blending.tile_shape = Some(tuned.variants.tile);
+            settings.blending.list_sort = Some(tuned.variants.lists);
+            settings.blending.chunks = Some(tuned.variants.chunks);
             settings.stepping.gradient_sum = Some(tuned.variants.gradients);
         }
         Ok(())

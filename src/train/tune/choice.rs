@@ -1,18 +1,29 @@
 //! The variants of the passes that a training runs with.
 
-use crate::raster::{GradientSum, Variants};
+use crate::raster::{GradientSum, NamedVariants, Variants};
 use crate::train::Error;
 use crate::train::settings::Settings;
 use crate::vk::{FloatAtomics, Gpu};
 
+/// The parts of the variants that the settings name.
+pub(super) fn named(settings: &Settings) -> NamedVariants {
+    let (blending, stepping) = (&settings.blending, &settings.stepping);
+    NamedVariants {
+        tile: blending.tile_shape,
+        gradients: stepping.gradient_sum,
+        lists: blending.list_sort,
+        chunks: blending.chunks,
+    }
+}
+
 /// The variants that the settings name, completed by those that suit the device.
 pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error> {
     let run = &settings.run;
-    let (blending, stepping) = (&settings.blending, &settings.stepping);
-    let variants = Variants::choose(gpu, run.deterministic).with(blending.tile_shape, stepping.gradient_sum);
+    let named = named(settings);
+    let variants = Variants::choose(gpu, run.deterministic).with(gpu, named);
     // The gradient sum that suits the device may not exist for the tile shape of the settings; slots exist for all.
     let slots = Variants { gradients: GradientSum::Slots, ..variants };
-    let variants = match stepping.gradient_sum {
+    let variants = match named.gradients {
         None if !variants.runs_on(gpu) && slots.runs_on(gpu) => slots,
         _ => variants,
     };

@@ -1,0 +1,8 @@
+// Rows of tiles with one word more than tiles: the words of `edges`, then of `tile_first`.
+#ifndef TILE_EDGES_GLSL
+#define TILE_EDGES_GLSL
+
+// The word of a tile, or of the place behind the last tile of a row.
+uint edge_at(uvec2 at, uvec2 tiles) { return at.y * (tiles.x + 1u) + at.x; }
+
+#endif
