@@ -4,7 +4,7 @@ mod common;
 
 use common::plane_scene;
 use psrgs_vk::pass::counters;
-use psrgs_vk::raster::{GradientSum, TileShape, Variants};
+use psrgs_vk::raster::{Chunks, GradientSum, ListSort, TileShape, Variants};
 use psrgs_vk::train::schedule::DensityChange;
 use psrgs_vk::train::settings::Shortcuts;
 use psrgs_vk::train::{Engine, Event, Input, Kind, MemoryCost, Pacing, Schedule, Settings, StepPlan};
@@ -20,15 +20,18 @@ fn engine(gpu: &Gpu, input: &Input, variants: Variants) -> Engine {
     Engine::new(gpu, input, &Settings::default(), variants, pacing(), None).expect("an engine")
 }
 
-/// At most 830 bytes per splat, 16 per pair and 80 per pixel; slots are counted apart. Pixel tiles keep a bit for each pair
-/// and block of 8 pixels, and in images of up to 1,024 tiles 16 bytes per pixel at the ends of seven chunks.
+/// At most 830 bytes per splat, 16 per pair and 80 per pixel; slots are counted apart. Pairs of lists that are sorted in
+/// tiles take 12 without slots. Pixel tiles keep a bit for each pair and block of 8 pixels, and with chunks, in images of up
+/// to 1,024 tiles, 16 bytes per pixel at the ends of seven chunks.
 fn assert_bar(memory: &MemoryCost, variants: Variants) {
     let what = format!("{variants:?}: {memory:?}");
     assert!(memory.per_splat > 236.0 * 3.0 && memory.per_splat <= 830.0, "{what}");
-    let (masks, states) = if variants.tile == TileShape::Pixel { (4.0, 7.0 * 16.0 + 1.0) } else { (0.0, 0.0) };
-    assert!(memory.per_pair >= 16.0 + masks && memory.per_pair < 16.01 + masks, "{what}");
-    assert!(memory.per_pixel > 40.0 && memory.per_pixel <= 80.0 + states, "{what}");
+    let masks = if variants.tile == TileShape::Pixel { 4.0 } else { 0.0 };
+    let states = if variants.chunks == Chunks::ByNeed { 7.0 * 16.0 + 1.0 } else { 0.0 };
     let slots = variants.gradients == GradientSum::Slots;
+    let pair = masks + if variants.lists == ListSort::Global || slots { 16.0 } else { 12.0 };
+    assert!(memory.per_pair >= pair && memory.per_pair < 0.01 + pair, "{what}");
+    assert!(memory.per_pixel > 40.0 && memory.per_pixel <= 80.0 + states, "{what}");
     assert!(if slots { memory.slots_per_pair < 48.01 } else { memory.slots_per_pair < 0.01 }, "{what}");
     assert_eq!(memory.slots_per_splat, if slots { 8.0 } else { 0.0 }, "{what}");
 }

@@ -119,8 +119,7 @@ fn every_form(gpu: &Gpu) {
     for variants in Variants::possible(gpu) {
         let mut settings = short();
         settings.optimiser.exposure = Exposure::Affine;
-        settings.blending.tile_shape = Some(variants.tile);
-        settings.stepping.gradient_sum = Some(variants.gradients);
+        settings.name_variants(variants);
         let mut seen = Seen::default();
         let end = train(gpu, &input, &settings, None, None, &mut seen);
         assert_eq!((end.variants, end.step), (variants, 6));

@@ -24,8 +24,7 @@ fn settings(variants: Variants) -> Settings {
     // Few steps need large rates to show an effect.
     s.optimiser.lr_sh_base = 0.02;
     s.optimiser.lr_opacities = 0.1;
-    s.blending.tile_shape = Some(variants.tile);
-    s.stepping.gradient_sum = Some(variants.gradients);
+    s.name_variants(variants);
     s
 }
 

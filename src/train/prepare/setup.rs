@@ -221,10 +221,7 @@ impl Setup {
         let tuned = tune::tuned(gpu, &self.input, settings, cache)?;
         tell(SetupEvent::Variants(&tuned));
         if settings.run.deterministic || !tuned.is_by_capability() {
-            settings.blending.tile_shape = Some(tuned.variants.tile);
-            settings.blending.list_sort = Some(tuned.variants.lists);
-            settings.blending.chunks = Some(tuned.variants.chunks);
-            settings.stepping.gradient_sum = Some(tuned.variants.gradients);
+            settings.name_variants(tuned.variants);
         }
         Ok(())
     }

@@ -16,6 +16,16 @@ pub(super) fn named(settings: &Settings) -> NamedVariants {
     }
 }
 
+impl Settings {
+    /// Names every part of the variants.
+    pub fn name_variants(&mut self, variants: Variants) {
+        self.blending.tile_shape = Some(variants.tile);
+        self.blending.list_sort = Some(variants.lists);
+        self.blending.chunks = Some(variants.chunks);
+        self.stepping.gradient_sum = Some(variants.gradients);
+    }
+}
+
 /// The variants that the settings name, completed by those that suit the device.
 pub fn chosen_variants(gpu: &Gpu, settings: &Settings) -> Result<Variants, Error> {
     let run = &settings.run;
