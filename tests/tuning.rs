@@ -5,11 +5,11 @@ mod common;
 use std::fs;
 
 use common::plane_scene;
-use psrgs_vk::raster::{GradientSum, TileShape, Variants};
+use psrgs_vk::raster::{Chunks, GradientSum, ListSort, TileShape, Variants};
 use psrgs_vk::train::settings::Tune;
 use psrgs_vk::train::tune::{self, ChoiceReason, SizeClass, Tuned};
 use psrgs_vk::train::{Input, Pacing, Settings, State, Trainer, chosen_variants};
-use psrgs_vk::vk::Gpu;
+use psrgs_vk::vk::{DeviceKind, Gpu};
 
 fn settings(tune: Tune) -> Settings {
     let mut s = Settings::default();
@@ -140,5 +140,11 @@ fn what_is_fixed_is_not_timed() {
     let tuned = tune::tuned(&gpu, &input(), &s, Some(folder.path())).expect("a choice");
     let ChoiceReason::Timed(times) = &tuned.why else { panic!("{tuned}") };
     assert!(times.len() > 1 && times.iter().all(|t| t.0.tile == TileShape::Pixel), "{tuned}");
+    // The best of the others is also timed without chunks; lists are sorted in tiles on CPU devices only by name.
+    let [whole, in_tiles] = [
+        times.iter().filter(|t| t.0.chunks == Chunks::Whole).count(),
+        times.iter().filter(|t| t.0.lists == ListSort::Tiles).count(),
+    ];
+    assert_eq!((whole, in_tiles), (1, if gpu.caps().kind == DeviceKind::Cpu { 0 } else { times.len() - 1 }), "{tuned}");
     assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 0);
 }

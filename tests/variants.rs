@@ -7,10 +7,12 @@ use common::plane_scene;
 use common::splats::{camera, seeded, spread};
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::pass::counters;
-use psrgs_vk::raster::{GradientSum, Planes, RenderView, Renderer, Size, Target, TileShape, Variants};
+use psrgs_vk::raster::{
+    Chunks, GradientSum, ListSort, NamedVariants, Planes, RenderView, Renderer, Size, Target, TileShape, Variants,
+};
 use psrgs_vk::scene::Gaussians;
 use psrgs_vk::train::{self, Input, Message, Pacing, Settings, Trainer};
-use psrgs_vk::vk::{self, FloatAtomics, Gpu};
+use psrgs_vk::vk::{self, DeviceKind, FloatAtomics, Gpu};
 
 const STEPS: u32 = 8;
 const SHAPES: [TileShape; 2] = [TileShape::Column, TileShape::Pixel];
@@ -156,6 +158,22 @@ fn what_is_possible_can_be_made_and_nothing_else() {
             }
         }
     }
+}
+
+#[test]
+fn parts_that_are_not_named_suit_the_device() {
+    let Some(gpu) = common::gpu() else { return };
+    let usual = if gpu.caps().kind == DeviceKind::Cpu { ListSort::Global } else { ListSort::Tiles };
+    let of = |named| {
+        let variants = Variants::choose(&gpu, true).with(&gpu, named);
+        assert!(variants.runs_on(&gpu), "{variants}");
+        (variants.lists, variants.chunks)
+    };
+    let pixel = NamedVariants { tile: Some(TileShape::Pixel), ..NamedVariants::default() };
+    assert_eq!(of(pixel), (usual, Chunks::ByNeed));
+    assert_eq!(of(NamedVariants { tile: Some(TileShape::Column), ..pixel }), (ListSort::Global, Chunks::Whole));
+    assert_eq!(of(NamedVariants { lists: Some(ListSort::Tiles), ..pixel }), (ListSort::Tiles, Chunks::ByNeed));
+    assert_eq!(of(NamedVariants { chunks: Some(Chunks::Whole), ..pixel }), (usual, Chunks::Whole));
 }
 
 /// Counts, and the used part of every array of the tile lists.

@@ -70,8 +70,8 @@ pub struct TileLists {
 
 /// How lists come into order.
 enum Order {
-    Global(GlobalLists),
-    Tiles(ListsInTiles),
+    Global(Box<GlobalLists>),
+    Tiles(Box<ListsInTiles>),
 }
 
 /// The list of the visible splats.
@@ -179,11 +179,12 @@ impl TileLists {
             ListSort::Global => {
                 let ranges =
                     BufferRange::whole(gpu.buffer("tile_ranges", 8 * capacities.tiles.max(1), Memory::Device)?);
-                (Order::Global(GlobalLists::new(gpu, &capacities, shape, &layout, loan.early, with_slots)?), ranges)
+                let lists = GlobalLists::new(gpu, &capacities, shape, &layout, loan.early, with_slots)?;
+                (Order::Global(Box::new(lists)), ranges)
             }
             ListSort::Tiles => {
                 let (lists, ranges) = ListsInTiles::new(gpu, &capacities, &layout, loan.early, with_slots)?;
-                (Order::Tiles(lists), ranges)
+                (Order::Tiles(Box::new(lists)), ranges)
             }
         };
         Ok(TileLists {
