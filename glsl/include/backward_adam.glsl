@@ -33,6 +33,9 @@ layout(constant_id = 12) const uint PRICE_SCALE = 0u;
 // Weight of o (1 - o) of the opacity of every splat on the image in the loss, a float as bits; counts in steps with
 // FLAG_DECIDES.
 layout(constant_id = 13) const uint DECIDE = 0u;
+// Nonzero: coefficients are read again where they step, in place of some 44 registers that would keep them until then.
+// Pays where a step's second read comes from a cache.
+layout(constant_id = 14) const uint READS_AGAIN = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Splat2d { vec4 splat2d[]; };
 layout(set = 0, binding = 2) readonly buffer OnImage { uint on_image[]; };  // tile counts, or splats (LISTED)
@@ -123,10 +126,15 @@ bool begin_splat(AdamStep step, uint i) {
     splat.sh[3 * group] = LOAD4(plane, s);              \
     splat.sh[3 * group + 1] = LOAD4(plane, s + 1u);     \
     splat.sh[3 * group + 2] = LOAD4(plane, s + 2u);
-#define STEP_SH(plane, first, second, group, element, basis, weight)                                                      \
-    STEP4(plane, first, second, s, element, rest, SHRUNK(sh_outer0(basis, g.rgb), splat.sh[3 * group], weight), splat.sh[3 * group])                   \
-    STEP4(plane, first, second, s + 1u, element + 4u, rest, SHRUNK(sh_outer1(basis, g.rgb), splat.sh[3 * group + 1], weight), splat.sh[3 * group + 1])     \
-    STEP4(plane, first, second, s + 2u, element + 8u, rest, SHRUNK(sh_outer2(basis, g.rgb), splat.sh[3 * group + 2], weight), splat.sh[3 * group + 2])
+#define STEP_ROW(plane, first, second, at, element, rates, outer, kept, weight)                   \
+    {                                                                                             \
+        const vec4 old = READS_AGAIN != 0u ? LOAD4(plane, at) : kept;                             \
+        STEP4(plane, first, second, at, element, rates, SHRUNK(outer, old, weight), old)          \
+    }
+#define STEP_SH(plane, first, second, group, element, basis, weight)                                                        \
+    STEP_ROW(plane, first, second, s, element, rest, sh_outer0(basis, g.rgb), splat.sh[3 * group], weight)                  \
+    STEP_ROW(plane, first, second, s + 1u, element + 4u, rest, sh_outer1(basis, g.rgb), splat.sh[3 * group + 1], weight)    \
+    STEP_ROW(plane, first, second, s + 2u, element + 8u, rest, sh_outer2(basis, g.rgb), splat.sh[3 * group + 2], weight)
 
 void main() {
     const uint at = global_index();
@@ -185,21 +193,20 @@ void main() {
     const vec4 rest = vec4(push.lr_sh_rest);
     const vec4 head = vec4(vec3(push.lr_sh_base), push.lr_sh_rest);
     const vec4 basis0 = sh_basis0(g.dir, degree);
-    const vec4 g_head = SHRUNK(sh_outer0(basis0, g.rgb), splat.sh[0], vec4(vec3(0.0), shrink.x));
-    STEP4(sh0, m_sh0, v_sh0, s, 11u, head, g_head, splat.sh[0])
+    STEP_ROW(sh0, m_sh0, v_sh0, s, 11u, head, sh_outer0(basis0, g.rgb), splat.sh[0], vec4(vec3(0.0), shrink.x))
     if (DEGREE >= 1u) {
-        STEP4(sh0, m_sh0, v_sh0, s + 1u, 15u, rest, SHRUNK(sh_outer1(basis0, g.rgb), splat.sh[1], shrink.xxxx), splat.sh[1])
-        STEP4(sh0, m_sh0, v_sh0, s + 2u, 19u, rest, SHRUNK(sh_outer2(basis0, g.rgb), splat.sh[2], shrink.xxxx), splat.sh[2])
+        STEP_ROW(sh0, m_sh0, v_sh0, s + 1u, 15u, rest, sh_outer1(basis0, g.rgb), splat.sh[1], shrink.xxxx)
+        STEP_ROW(sh0, m_sh0, v_sh0, s + 2u, 19u, rest, sh_outer2(basis0, g.rgb), splat.sh[2], shrink.xxxx)
     }
     if (DEGREE >= 2u && full) {
         const vec4 basis1 = degree >= 2u ? sh_basis1(g.dir) : vec4(0.0);
         STEP_SH(sh1, m_sh1, v_sh1, 1, 23u, basis1, shrink.yyyy)
         const vec4 basis2 = degree >= 2u ? sh_basis2(g.dir, degree) : vec4(0.0);
-        STEP4(sh2, m_sh2, v_sh2, s, 35u, rest, SHRUNK(sh_outer0(basis2, g.rgb), splat.sh[6], shrink.yyyz), splat.sh[6])
+        STEP_ROW(sh2, m_sh2, v_sh2, s, 35u, rest, sh_outer0(basis2, g.rgb), splat.sh[6], shrink.yyyz)
         // The fifth coefficient of degree 2 stands alone in its group.
         if (DEGREE >= 3u) {
-            STEP4(sh2, m_sh2, v_sh2, s + 1u, 39u, rest, SHRUNK(sh_outer1(basis2, g.rgb), splat.sh[7], shrink.zzzz), splat.sh[7])
-            STEP4(sh2, m_sh2, v_sh2, s + 2u, 43u, rest, SHRUNK(sh_outer2(basis2, g.rgb), splat.sh[8], shrink.zzzz), splat.sh[8])
+            STEP_ROW(sh2, m_sh2, v_sh2, s + 1u, 39u, rest, sh_outer1(basis2, g.rgb), splat.sh[7], shrink.zzzz)
+            STEP_ROW(sh2, m_sh2, v_sh2, s + 2u, 43u, rest, sh_outer2(basis2, g.rgb), splat.sh[8], shrink.zzzz)
         }
     }
     if (DEGREE >= 3u && full) {

@@ -38,9 +38,6 @@ SplatGradient no_gradient() {
 SplatGradient splat_gradient(Camera camera, uint degree, uint flags, SplatParams s, vec3 stored, Gradient2d up,
                              bool with_normal) {
     SplatGradient result;
-    const vec3 p = to_camera(camera, s.mean);
-    const Ewa e = ewa_project(camera, p, s.quat, s.log_scale);
-
     // Colour: max(0, .) passes no gradient where the stored colour is 0, except, with VIEW_BLACK_LEARNS, a gradient
     // that raises the colour.
     const vec3 g_stored = vec3(up.b.zw, up.c.x);
@@ -55,8 +52,12 @@ SplatGradient splat_gradient(Camera camera, uint degree, uint flags, SplatParams
                  sh_slope2(dir, sh_dot(g_rgb, s.sh[6], s.sh[7], s.sh[8]), degree);
     }
     if (degree >= 3u) g_dir += sh_slope3(dir, sh_dot(g_rgb, s.sh[9], s.sh[10], s.sh[11]));
+    const vec3 g_offset = (g_dir - dir * dot(dir, g_dir)) / distance;
     result.rgb = g_rgb;
     result.dir = dir;
+
+    const vec3 p = to_camera(camera, s.mean);
+    const Ewa e = ewa_project(camera, p, s.quat, s.log_scale);
 
     // Opacity, with the anti-aliasing factor between the sigmoid and the blended opacity.
     const vec2 sigma = sigmoid(s.logit);
@@ -73,13 +74,13 @@ SplatGradient splat_gradient(Camera camera, uint degree, uint flags, SplatParams
         const vec3 g_normal = side * up.normal;
         g_axis = camera.w0 * g_normal.x + camera.w1 * g_normal.y + camera.w2 * g_normal.z;
     }
-    EwaGrad g = ewa_backward(camera, e, p.z, vec3(up.a.zw, up.b.x), g_compensation, g_axis, axis,
-                             (flags & VIEW_REFERENCE_CLAMP) != 0u);
     // A moved mean moves the plane of the depths along. The slopes count as constants.
     const vec2 moved = (with_normal ? up.a.xy - up.c.y * depth_slope(e) : up.a.xy) * e.zoom;
+    EwaGrad g = ewa_backward(camera, e, p.z, vec3(up.a.zw, up.b.x), g_compensation, g_axis, axis,
+                             (flags & VIEW_REFERENCE_CLAMP) != 0u);
     g.p.xy += moved;
     g.p.z += up.c.y - dot(moved, p.xy / p.z);
-    result.mean = camera.w0 * g.p.x + camera.w1 * g.p.y + camera.w2 * g.p.z + (g_dir - dir * dot(dir, g_dir)) / distance;
+    result.mean = camera.w0 * g.p.x + camera.w1 * g.p.y + camera.w2 * g.p.z + g_offset;
     result.quat = g.quat;
     result.log_scale = g.log_scale;
     return result;

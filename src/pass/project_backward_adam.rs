@@ -119,7 +119,7 @@ impl Push {
 }
 
 /// Specialization constants, by name.
-pub type Constants = [(&'static str, u32); 14];
+pub type Constants = [(&'static str, u32); 15];
 
 /// Adds losses on the splats themselves to `constants`. [`Penalties::decide`] counts only in steps with [`DECIDES`].
 pub fn penalising(constants: Constants, penalties: Penalties) -> Constants {
@@ -137,6 +137,12 @@ pub fn listed(constants: Constants) -> Constants {
 /// Changes `constants` to make up for the missed steps of every splat, without a new step.
 pub fn catching_up(constants: Constants) -> Constants {
     constants.map(|(name, value)| (name, if name == "CATCHES_UP" { 1 } else { value }))
+}
+
+/// Changes `constants` so that sh coefficients are read again where they step, which takes fewer registers. The same
+/// bits.
+pub fn reading_again(constants: Constants) -> Constants {
+    constants.map(|(name, value)| (name, if name == "READS_AGAIN" { 1 } else { value }))
 }
 
 /// The specialization constants of [`PASS`]. No sh coefficient above `degree` ever had a gradient, so their moments are
@@ -158,6 +164,7 @@ pub fn constants(settings: &AdamSettings, degree: u32, aux: bool) -> Constants {
         ("PRICE_OPACITY", 0),
         ("PRICE_SCALE", 0),
         ("DECIDE", 0),
+        ("READS_AGAIN", 0),
     ]
 }
 
@@ -176,6 +183,7 @@ pub(super) const CONSTANTS: &[Constant] = &[
     Constant { id: 11, name: "PRICE_OPACITY", default: 0 },
     Constant { id: 12, name: "PRICE_SCALE", default: 0 },
     Constant { id: 13, name: "DECIDE", default: 0 },
+    Constant { id: 14, name: "READS_AGAIN", default: 0 },
 ];
 
 /// The pass.

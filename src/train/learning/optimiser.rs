@@ -8,7 +8,7 @@ use crate::raster::{BackwardStep, GradientTerms, OPACITIES, PLANES, Planes, Rend
 use crate::train::Error;
 use crate::train::schedule::{Adam, StepPlan};
 use crate::train::settings::Settings;
-use crate::vk::{self, Buffer, Gpu, Pipeline, Recorder};
+use crate::vk::{self, Buffer, DeviceKind, Gpu, Pipeline, Recorder};
 
 /// The passes that take a step.
 enum StepPasses {
@@ -103,9 +103,15 @@ impl Optimiser {
         let (kernel, needed) =
             if packs { (&packed::PASS.kernel, packed::BINDINGS) } else { (&fused::PASS.kernel, fused::BINDINGS) };
         let limit = gpu.caps().limits.storage_buffers;
+        // On a CPU device a second read is as slow as the first.
+        let again = gpu.caps().kind != DeviceKind::Cpu;
+        let given = |degree, aux| {
+            let constants = fused::constants(&settings, degree, aux);
+            if again { fused::reading_again(constants) } else { constants }
+        };
         let passes = if limit >= needed {
             let of = |degree, aux| {
-                let constants = fused::penalising(fused::constants(&settings, degree, aux), penalties);
+                let constants = fused::penalising(given(degree, aux), penalties);
                 let listed = Self::leaves_out(gpu, training);
                 gpu.pipeline(kernel, &if listed { fused::listed(constants) } else { constants })
             };
@@ -115,7 +121,7 @@ impl Optimiser {
                 of_degree: all(false)?,
                 with_aux: aux.then(|| all(true)).transpose()?,
                 catch_up: match shortcuts.visible_adam {
-                    true => Some(gpu.pipeline(kernel, &fused::catching_up(fused::constants(&settings, 3, false)))?),
+                    true => Some(gpu.pipeline(kernel, &fused::catching_up(given(3, false)))?),
                     false => None,
                 },
             }
