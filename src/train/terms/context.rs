@@ -57,7 +57,8 @@ impl<'a> StepContext<'a> {
         recorder: &mut Recorder,
         aux: bool,
     ) -> Result<FrameLists<'a>, vk::Error> {
-        self.renderer.record_forward(recorder, self.model, &self.shot, self.target, aux)
+        let subset = self.plan.draw.map(|draw| Subset { ids: self.ids, part: Part::Drawn(draw) });
+        self.renderer.record_forward_of(recorder, self.model, &self.shot, self.target, aux, subset)
     }
 
     /// Records the render of the constrained set alone.
