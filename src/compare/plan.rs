@@ -133,6 +133,7 @@ pub const ABLATIONS: [Ablation; 38] = [
         primary: Primary::DepthErrorDown,
     },
     Ablation { name: "opacities-undecided", options: &["--set=lambda-binary=0"], primary: Primary::SplatsDown },
+    Ablation { name: "all-splats", options: &["--set=drop-share=0"], primary: Primary::PsnrSeenUp },
     Ablation { name: "fixed-sigma", options: &["--set=sigma-learning=off"], primary: Primary::PsnrSeenUp },
     Ablation { name: "composite-sigma", options: &["--set=sigma-learning=composite"], primary: Primary::PsnrSeenUp },
     Ablation {
