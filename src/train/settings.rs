@@ -213,7 +213,7 @@ group! {
         /// photograph on, less with fewer, and none up to 100
         pub drop_share: f64 = 0.0; Range::BELOW_1,
         /// Share of the steps, the first ones, that leave out splats
-        pub drop_until: f64 = 0.9; Range::SHARE,
+        pub drop_until: f64 = 0.7; Range::SHARE,
         /// Learning rate of the means when its decay ends
         pub lr_means_final: f64 = 1.6e-6; Range::POSITIVE,
         /// Steps over which the learning rate of the means decays, log-linearly
