@@ -92,7 +92,7 @@ pub struct Ablation {
 pub const OWN_GRAD_THRESHOLD: &str = "--set=low-grad-threshold={grad-threshold}";
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 38] = [
+pub const ABLATIONS: [Ablation; 39] = [
     Ablation { name: "no-stereo", options: &["--start=sfm", "--depth-prior=none"], primary: Primary::DepthErrorDown },
     Ablation {
         name: "no-depth-loss",
