@@ -92,7 +92,7 @@ pub struct Ablation {
 pub const OWN_GRAD_THRESHOLD: &str = "--set=low-grad-threshold={grad-threshold}";
 
 /// What is left out or replaced, one at a time. What a method has so already is no row of it.
-pub const ABLATIONS: [Ablation; 39] = [
+pub const ABLATIONS: [Ablation; 38] = [
     Ablation { name: "no-stereo", options: &["--start=sfm", "--depth-prior=none"], primary: Primary::DepthErrorDown },
     Ablation {
         name: "no-depth-loss",
@@ -133,7 +133,6 @@ pub const ABLATIONS: [Ablation; 39] = [
         primary: Primary::DepthErrorDown,
     },
     Ablation { name: "opacities-undecided", options: &["--set=lambda-binary=0"], primary: Primary::SplatsDown },
-    Ablation { name: "all-splats", options: &["--set=drop-share=0"], primary: Primary::PsnrSeenUp },
     Ablation { name: "fixed-sigma", options: &["--set=sigma-learning=off"], primary: Primary::PsnrSeenUp },
     Ablation { name: "composite-sigma", options: &["--set=sigma-learning=composite"], primary: Primary::PsnrSeenUp },
     Ablation {

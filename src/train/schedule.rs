@@ -158,7 +158,7 @@ impl Schedule {
                 true => (settings.geometry.depth_steps * f64::from(run.iterations)).round() as u32,
                 false => 0,
             },
-            left_out: LeftOut::new(optimiser, run, views),
+            left_out: LeftOut::new(optimiser, run),
             decides_after: match optimiser.lambda_binary > 0.0 {
                 true => (optimiser.binary_from * f64::from(run.iterations)).round() as u32,
                 false => u32::MAX,
@@ -505,11 +505,6 @@ impl Growth {
     }
 }
 
-/// Looks at each photograph up to which no splats are left out: photographs are learned by heart only later.
-const FEW_LOOKS: f64 = 100.0;
-/// Looks at each photograph from which the whole share is left out.
-const MANY_LOOKS: f64 = 150.0;
-
 /// Splats that steps leave out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct LeftOut {
@@ -521,10 +516,8 @@ struct LeftOut {
 
 impl LeftOut {
     /// `None` where no step leaves out splats.
-    fn new(optimiser: &settings::Optimiser, run: &settings::Run, views: usize) -> Option<Self> {
-        let looks = f64::from(run.iterations) / pass_of(views, run.bands) as f64;
-        let often = ((looks - FEW_LOOKS) / (MANY_LOOKS - FEW_LOOKS)).clamp(0.0, 1.0);
-        let left_out = (often * optimiser.drop_share * 2f64.powi(32)) as u32;
+    fn new(optimiser: &settings::Optimiser, run: &settings::Run) -> Option<Self> {
+        let left_out = (optimiser.drop_share * 2f64.powi(32)) as u32;
         let seed = run.seed as u32 ^ (run.seed >> 32) as u32;
         (left_out > 0).then(|| Self {
             until: (optimiser.drop_until * f64::from(run.iterations)).round() as u32,

@@ -209,8 +209,7 @@ group! {
         /// Share of the steps after which lambda-binary counts
         pub binary_from: f64 = 0.5; Range::SHARE,
         /// Share of the splats that a step leaves out of its render, drawn anew in each step: what is seen through the
-        /// gaps has to be right too, so photographs are learned less by heart. The whole share from 150 looks at each
-        /// photograph on, less with fewer, and none up to 100
+        /// gaps has to be right too. Pays where few photographs that overlap little are looked at often
         pub drop_share: f64 = 0.0; Range::BELOW_1,
         /// Share of the steps, the first ones, that leave out splats
         pub drop_until: f64 = 0.7; Range::SHARE,

@@ -221,7 +221,6 @@ fn psrgs(settings: &mut Settings, named: &impl Fn(&str) -> bool) {
         "depth-steps" geometry.depth_steps = held,
         "lambda-normal" geometry.lambda_normal = 0.05,
         "lambda-binary" optimiser.lambda_binary = 0.1,
-        "drop-share" optimiser.drop_share = 0.1,
         "start" geometry.start = Start::Stereo,
         "exposure" optimiser.exposure = Exposure::Auto,
         "housekeeping" density.housekeeping = Housekeeping::Lean,
