@@ -1,4 +1,4 @@
-// Rows of tiles with one word more than tiles: the words of `edges`, then of `tile_first`.
+// Places in `edges`, which tile_offsets turns into `tile_first`: a word for each tile and one more behind each row of tiles.
 #ifndef TILE_EDGES_GLSL
 #define TILE_EDGES_GLSL
 
