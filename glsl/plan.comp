@@ -23,9 +23,6 @@ layout(push_constant) uniform Push {
     uint items[8];     // elements per workgroup; 0: `multiply` workgroups regardless of the count
 } push;
 
-// Most workgroups on one axis; devices allow at least 65,535.
-const uint MOST = 32768u;
-
 void main() {
     if (global_index() != 0u) return;
     const uint status = counters[COUNTER_STATUS];
@@ -47,12 +44,6 @@ void main() {
         const uint items = push.items[i];
         uint groups = push.multiply[i];
         if (items != 0u) groups = table_size(table_size(count, push.divide[i], push.multiply[i]), items, 1u);
-        if (!go) groups = 0u;
-        uvec4 entry = uvec4(0u);
-        if (groups != 0u) {
-            const uint rows = table_size(groups, MOST, 1u);
-            entry = uvec4(table_size(groups, rows, 1u), rows, 1u, 0u);
-        }
-        args[push.first + i] = entry;
+        args[push.first + i] = entry_of(go ? groups : 0u);
     }
 }

@@ -1,10 +1,9 @@
 #version 460
 //! variant subgroup
-//! variant subgroup_rows ROWS
 //! variant emulated SUBGROUP_EMULATED
 // scan_add: third pass of a prefix sum: every word's exclusive prefix within its workgroup plus the workgroup's base.
-// One thread owns ITEMS consecutive words, a workgroup 64 * ITEMS. ROWS, for GPUs: a subgroup owns ITEMS consecutive
-// rows with one word per lane, and a thread one column, so that neighbouring threads load and store neighbouring words.
+// A workgroup owns 64 * ITEMS consecutive words; a subgroup ITEMS consecutive rows with one word per lane, and a thread
+// one column, so that neighbouring threads load and store neighbouring words.
 #extension GL_GOOGLE_include_directive : require
 #define LOCAL_SIZE 64
 #include "subgroup.glsl"
@@ -29,7 +28,6 @@ void main() {
     const uint given = push.source == NO_COUNTER ? push.count : counters[push.source];
     const uint n = table_size(given, push.divide, push.multiply);
     const uint group = group_index();
-#ifdef ROWS
     const uint width = subgroup_width();
     const uint first = (group * LOCAL_SIZE + subgroup_number() * width) * ITEMS + subgroup_lane();
     uint before[ITEMS];
@@ -50,21 +48,4 @@ void main() {
         const uint at = first + i * width;
         if (at < n) target[at] = base + before[i];
     }
-#else
-    const uint first = (group * LOCAL_SIZE + workgroup_rank()) * ITEMS;
-    const uint end = min(first + ITEMS, n);
-    uint sum = 0u;
-    for (uint i = first; i < end; ++i) {
-        const uint word = words[i];
-        sum += push.predicate != 0u ? uint(word != 0u) : word;
-    }
-    uint total;
-    uint running = workgroup_exclusive_add(sum, total);
-    if (first < end) running += sums[group];
-    for (uint i = first; i < end; ++i) {
-        const uint word = words[i];
-        target[i] = running;
-        running += push.predicate != 0u ? uint(word != 0u) : word;
-    }
-#endif
 }

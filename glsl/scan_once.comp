@@ -1,21 +1,22 @@
 #version 460
 //! variant subgroup
-//! variant subgroup_wide WIDE
 //! variant emulated SUBGROUP_EMULATED
 // scan_once: the whole of an exclusive prefix sum by one workgroup, for few words: one dispatch instead of three. A
 // total that overflows becomes the largest word. The workgroup walks over the words; in each turn a thread owns ITEMS
-// consecutive words. WIDE: 512 threads instead of 64, for GPUs, where every turn waits for memory.
+// consecutive words. GPUs, where every turn waits for memory, take more threads.
 #extension GL_GOOGLE_include_directive : require
-#ifdef WIDE
-#define LOCAL_SIZE 512
-#else
+#ifdef SUBGROUP_EMULATED
 #define LOCAL_SIZE 64
-#endif
 #include "subgroup.glsl"
+layout(local_size_x = LOCAL_SIZE) in;
+#else
+#define LOCAL_SIZE gl_WorkGroupSize.x
+#include "subgroup.glsl"
+layout(local_size_x = 64, local_size_x_id = 1) in;
+#endif
 #include "workgroup_sum.glsl"
 #include "common.glsl"
 #include "count.glsl"
-layout(local_size_x = LOCAL_SIZE) in;
 layout(constant_id = 0) const uint ITEMS = 16u;
 layout(set = 0, binding = 0) readonly buffer Source { uint words[]; };
 layout(set = 0, binding = 1) buffer Counters { uint counters[]; };

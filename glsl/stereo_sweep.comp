@@ -4,10 +4,6 @@
 // first call for a view (FLAG_START) scores, at every pixel, the given hypothesis and random hypotheses. One thread
 // owns a pixel of the list; one workgroup owns 64 consecutive ones.
 //! texels
-//! variant side3 SIDE=3u
-//! variant side4 SIDE=4u
-//! variant side5 SIDE=5u
-//! variant side6 SIDE=6u
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common.glsl"
@@ -16,6 +12,7 @@
 #include "random.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint STEP = 2u;  // pixels between taps of the window
+layout(constant_id = 1) const uint SIDE = 5u;  // taps along a side of the window
 layout(set = 0, binding = 0) readonly buffer Blocks { vec4 blocks[]; };
 layout(set = 0, binding = 1) readonly buffer Links { vec4 links[]; };
 layout(set = 0, binding = 2) readonly buffer Pixels { uint pixels[]; };

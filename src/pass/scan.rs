@@ -8,7 +8,7 @@ use crate::vk::{Binding, Constant, Kernel, read, read_write, write};
 
 /// Threads in a workgroup.
 pub const LOCAL_SIZE: u32 = 64;
-/// Threads in the workgroup of [`ONCE_WIDE`].
+/// Threads in the workgroup of [`ONCE`] on GPUs, where every turn waits for memory.
 pub const WIDE_LOCAL_SIZE: u32 = 512;
 /// Default of the constant `ITEMS`: consecutive words per thread.
 pub const ITEMS: u32 = 16;
@@ -68,21 +68,21 @@ pub const REDUCE: Pass = pass("scan_reduce_subgroup", REDUCE_BINDINGS, HARDWARE,
 pub const SPINE: Pass = pass("scan_spine_subgroup", SPINE_BINDINGS, HARDWARE, "one workgroup");
 /// Prefix sum of every word.
 pub const ADD: Pass = pass("scan_add_subgroup", ADD_BINDINGS, HARDWARE, PER_BLOCK);
-/// [`ADD`] with rows of words per subgroup, for GPUs.
-pub const ADD_ROWS: Pass = pass("scan_add_subgroup_rows", ADD_BINDINGS, HARDWARE, PER_BLOCK);
 /// [`REDUCE`] with emulated subgroups.
 pub const REDUCE_EMULATED: Pass = pass("scan_reduce_emulated", REDUCE_BINDINGS, EMULATION, PER_BLOCK);
 /// [`SPINE`] with emulated subgroups.
 pub const SPINE_EMULATED: Pass = pass("scan_spine_emulated", SPINE_BINDINGS, EMULATION, "one workgroup");
 /// [`ADD`] with emulated subgroups.
 pub const ADD_EMULATED: Pass = pass("scan_add_emulated", ADD_BINDINGS, EMULATION, PER_BLOCK);
-/// The whole prefix sum by one workgroup.
-pub const ONCE: Pass = pass("scan_once_subgroup", ONCE_BINDINGS, HARDWARE, "one workgroup");
-/// [`ONCE`] by a larger workgroup, for GPUs.
-pub const ONCE_WIDE: Pass = {
-    let narrow = pass("scan_once_subgroup_wide", ONCE_BINDINGS, HARDWARE, "one workgroup");
-    let kernel = Kernel { local_size: Some(WIDE_LOCAL_SIZE), ..narrow.kernel };
-    Pass { kernel, doc: "One thread owns ITEMS consecutive words of every 512 * ITEMS.", ..narrow }
+/// The whole prefix sum by one workgroup of LOCAL_SIZE threads.
+pub const ONCE: Pass = {
+    let constants = &[
+        Constant { id: 0, name: "ITEMS", default: ITEMS },
+        Constant { id: 1, name: "LOCAL_SIZE", default: LOCAL_SIZE },
+    ];
+    let once = pass("scan_once_subgroup", ONCE_BINDINGS, constants, "one workgroup");
+    let kernel = Kernel { local_size: None, ..once.kernel };
+    Pass { kernel, doc: "One thread owns ITEMS consecutive words of every LOCAL_SIZE * ITEMS.", ..once }
 };
 /// [`ONCE`] by one subgroup of 8 threads, for CPU devices.
 pub const ONCE_RUNS: Pass = {

@@ -133,41 +133,21 @@ pub const BLOCKS: Pass = Pass {
     push: BlocksPush::FIELDS,
 };
 
-macro_rules! sweep {
-    ($(#[$meta:meta])* $name:ident, $module:literal, $side:literal) => {
-        $(#[$meta])*
-        pub const $name: Pass = Pass {
-            kernel: Kernel {
-                name: $module,
-                spirv: module($module),
-                bindings: &[read("blocks"), read("links"), read("pixels"), read_write("planes")],
-                push_bytes: SweepPush::BYTES,
-                constants: &[Constant { id: 0, name: "STEP", default: 2 }],
-                local_size: Some(64),
-            },
-            doc: "One thread owns a pixel of the list; a workgroup owns 64 consecutive ones.",
-            dispatch: "one thread per pixel of the part of the list",
-            push: SweepPush::FIELDS,
-        };
-    };
-}
-
-sweep! {
-    /// Windows of 3x3 taps.
-    SWEEP_3, "stereo_sweep_side3", 3
-}
-sweep! {
-    /// Windows of 4x4 taps.
-    SWEEP_4, "stereo_sweep_side4", 4
-}
-sweep! {
-    /// Windows of 5x5 taps.
-    SWEEP_5, "stereo_sweep_side5", 5
-}
-sweep! {
-    /// Windows of 6x6 taps.
-    SWEEP_6, "stereo_sweep_side6", 6
-}
+/// PatchMatch for a list of pixels. STEP is the distance between the taps of the window in pixels, SIDE the number of
+/// taps along its side, from 3 to 6.
+pub const SWEEP: Pass = Pass {
+    kernel: Kernel {
+        name: "stereo_sweep",
+        spirv: module("stereo_sweep"),
+        bindings: &[read("blocks"), read("links"), read("pixels"), read_write("planes")],
+        push_bytes: SweepPush::BYTES,
+        constants: &[Constant { id: 0, name: "STEP", default: 2 }, Constant { id: 1, name: "SIDE", default: 5 }],
+        local_size: Some(64),
+    },
+    doc: "One thread owns a pixel of the list; a workgroup owns 64 consecutive ones.",
+    dispatch: "one thread per pixel of the part of the list",
+    push: SweepPush::FIELDS,
+};
 
 /// Keeps hypotheses that enough source views agree with.
 pub const FILTER: Pass = Pass {

@@ -1,4 +1,5 @@
-//! The first pair of each tile, and the numbers of visible splats and of pairs.
+//! The first pair of each tile, and the numbers of visible splats and of pairs. Plans later passes, or voids the
+//! event when the pairs do not fit.
 
 use super::{Pass, module};
 use crate::vk::{Binding, Constant, Kernel, read_write, write};
@@ -15,6 +16,16 @@ crate::push_constants! {
         pub columns: u32,
         /// Rows of tiles.
         pub rows: u32,
+        /// Most pairs.
+        pub capacity: u32,
+        /// Number of entries, from the first entry of `args`, to zero when the event is void.
+        pub void_entries: u32,
+        /// Entry of `args` for passes over the visible splats; the next entry is for `slot_sum`.
+        pub first: u32,
+        /// Visible splats per workgroup of a pass over them.
+        pub per_group: u32,
+        /// Visible splats per workgroup of `slot_sum`.
+        pub per_sum: u32,
     }
 }
 
@@ -26,7 +37,7 @@ pub fn items(tiles: u64) -> (&'static str, u32) {
     (ITEMS.name, u32::try_from(needed).unwrap_or(u32::MAX).clamp(1, MOST_ITEMS))
 }
 
-const BINDINGS: &[Binding] = &[read_write("counters"), read_write("edges"), write("tile_ranges")];
+const BINDINGS: &[Binding] = &[read_write("counters"), read_write("edges"), write("tile_ranges"), write("args")];
 
 const fn pass(name: &'static str, constants: &'static [Constant]) -> Pass {
     Pass {

@@ -7,8 +7,8 @@ use crate::vk::{Buffer, BufferSlice, Caps, DeviceKind, Gpu, Groups, Memory, Pipe
 /// Words that one workgroup sums.
 pub const BLOCK: u32 = pass::LOCAL_SIZE * pass::ITEMS;
 
-/// Words per thread and turn in the wide variant.
-const WIDE_ITEMS: u32 = 4;
+/// Constants of [`pass::ONCE`] on GPUs.
+const WIDE: [(&str, u32); 2] = [("LOCAL_SIZE", pass::WIDE_LOCAL_SIZE), ("ITEMS", 4)];
 
 /// Number of words to sum, and the dispatches that cover them.
 #[derive(Clone, Copy, Debug)]
@@ -93,9 +93,6 @@ impl Scan {
     /// Creates a prefix sum of up to `most` words. `name` begins the buffer's name.
     pub fn new(gpu: &Gpu, name: &str, most: u64) -> Result<Scan> {
         let (kernels, once, width) = match gpu.caps().subgroup {
-            Subgroup::Hardware(_) if gpu.caps().kind != DeviceKind::Cpu => {
-                ([&pass::REDUCE, &pass::SPINE, &pass::ADD_ROWS], &pass::ONCE, None)
-            }
             Subgroup::Hardware(_) => ([&pass::REDUCE, &pass::SPINE, &pass::ADD], &pass::ONCE, None),
             Subgroup::Emulated(width) => (
                 [&pass::REDUCE_EMULATED, &pass::SPINE_EMULATED, &pass::ADD_EMULATED],
@@ -108,11 +105,11 @@ impl Scan {
             let wide = caps.kind != DeviceKind::Cpu
                 && width.is_none()
                 && caps.limits.workgroup_size >= pass::WIDE_LOCAL_SIZE
-                && pass::ONCE_WIDE.kernel.fits(&caps.limits, &[]);
+                && pass::ONCE.kernel.fits(&caps.limits, &WIDE);
             let once = if in_runs(caps) {
                 gpu.pipeline(&pass::ONCE_RUNS.kernel, &[])?
             } else if wide {
-                gpu.pipeline(&pass::ONCE_WIDE.kernel, &[("ITEMS", WIDE_ITEMS)])?
+                gpu.pipeline(&pass::ONCE.kernel, &WIDE)?
             } else {
                 gpu.pipeline(&once.kernel, width.as_slice())?
             };

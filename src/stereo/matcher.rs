@@ -2,8 +2,7 @@
 
 use super::device_state::DeviceState;
 use super::{Error, Prior, Settings, StereoView};
-use crate::pass::Pass;
-use crate::pass::stereo::{BLOCKS, FILTER, REFIT, SWEEP_3, SWEEP_4, SWEEP_5, SWEEP_6};
+use crate::pass::stereo::{BLOCKS, FILTER, REFIT, SWEEP};
 use crate::vk::{Gpu, Pipeline, Ticket};
 
 /// Largest number of views in flight on the device.
@@ -23,17 +22,11 @@ impl Matcher {
     /// Creates the pipelines. Fails where a setting is out of its range.
     pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self, Error> {
         settings.check()?;
-        let sweep: &Pass = match settings.taps {
-            3 => &SWEEP_3,
-            4 => &SWEEP_4,
-            5 => &SWEEP_5,
-            _ => &SWEEP_6,
-        };
         Ok(Self {
             gpu: gpu.clone(),
             settings: settings.clone(),
             blocks: gpu.pipeline(&BLOCKS.kernel, &[])?,
-            sweep: gpu.pipeline(&sweep.kernel, &[("STEP", settings.step)])?,
+            sweep: gpu.pipeline(&SWEEP.kernel, &[("STEP", settings.step), ("SIDE", settings.taps)])?,
             filter: gpu.pipeline(&FILTER.kernel, &[])?,
             refit: gpu.pipeline(&REFIT.kernel, &[])?,
         })

@@ -14,9 +14,8 @@ use crate::pass::{self, Pass};
 pub type TwinFn = fn(&mut TwinCall<'_>);
 
 /// Every pass with its twin, in the order of [`pass::ALL`].
-pub const TABLE: [(&Pass, TwinFn); 111] = [
+pub const TABLE: [(&Pass, TwinFn); 105] = [
     (&pass::adam::PASS, adam::run),
-    (&pass::blend_backward::COLUMN_ATOMIC, blend_backward::run_column_sums),
     (&pass::blend_backward::COLUMN_CAS, blend_backward::run_column_sums),
     (&pass::blend_backward::COLUMN_EMULATED_SLOTS, blend_backward::run_column_slots),
     (&pass::blend_backward::COLUMN_SLOTS, blend_backward::run_column_slots),
@@ -99,10 +98,8 @@ pub const TABLE: [(&Pass, TwinFn); 111] = [
     (&pass::radix::SCATTER_RUNS, radix::scatter_runs),
     (&pass::scan::ADD, scan::add),
     (&pass::scan::ADD_EMULATED, scan::add),
-    (&pass::scan::ADD_ROWS, scan::add),
     (&pass::scan::ONCE, scan::once),
     (&pass::scan::ONCE_RUNS, scan::once),
-    (&pass::scan::ONCE_WIDE, scan::once),
     (&pass::scan::ONCE_EMULATED, scan::once),
     (&pass::scan::REDUCE, scan::reduce),
     (&pass::scan::REDUCE_EMULATED, scan::reduce),
@@ -114,10 +111,7 @@ pub const TABLE: [(&Pass, TwinFn); 111] = [
     (&pass::stereo::BLOCKS, stereo::run_blocks),
     (&pass::stereo::FILTER, stereo::run_filter),
     (&pass::stereo::REFIT, stereo::run_refit),
-    (&pass::stereo::SWEEP_3, stereo::run_sweep::<3>),
-    (&pass::stereo::SWEEP_4, stereo::run_sweep::<4>),
-    (&pass::stereo::SWEEP_5, stereo::run_sweep::<5>),
-    (&pass::stereo::SWEEP_6, stereo::run_sweep::<6>),
+    (&pass::stereo::SWEEP, stereo::run_sweep),
     (&pass::subgroup_probe::EMULATED, subgroup_probe::run),
     (&pass::subgroup_probe::SUBGROUP, subgroup_probe::run),
     (&pass::tile_edges::PASS, tile_edges::run),

@@ -69,7 +69,7 @@ pub mod tile_edges {
 }
 
 pub mod tile_offsets {
-    //! `tile_offsets`: one tile, many turns, and more pairs than a word holds.
+    //! `tile_offsets`: one tile, many turns, more pairs than a word holds, more than fit, and an event that is void.
 
     use psrgs_vk::pass::counters;
     use psrgs_vk::pass::tile_offsets::{EMULATED, PASS, Push};
@@ -79,7 +79,19 @@ pub mod tile_offsets {
     use super::variants;
     use crate::harness::{self, Words, bytes, garbage};
 
+    const ENTRIES: usize = 9;
+
     fn case(gpu: &Gpu, columns: u32, rows: u32, counts: &[u32]) -> u32 {
+        let pairs = counts.iter().map(|count| u64::from(*count)).sum::<u64>();
+        let pairs = u32::try_from(pairs).unwrap_or(u32::MAX);
+        let capacities = [u32::MAX - 1, pairs, pairs.saturating_sub(1)];
+        for (capacity, status) in capacities.map(|most| (most, 0)).into_iter().chain([(pairs, counters::SPLATS_BIT)]) {
+            within(gpu, [columns, rows], counts, capacity, status);
+        }
+        pairs
+    }
+
+    fn within(gpu: &Gpu, [columns, rows]: [u32; 2], counts: &[u32], capacity: u32, status: u32) {
         let edges = counts.chunks(columns as usize).flat_map(|row| {
             let before = [0].into_iter().chain(row.iter().copied());
             let after = row.iter().copied().chain([0]);
@@ -87,16 +99,32 @@ pub mod tile_offsets {
         });
         let edges: Vec<u32> = edges.chain([12_345, 7, 7]).collect();
         let tiles = counts.len();
-        let buffers = [bytes(&[9u32; counters::COUNT]), bytes(&edges), garbage(2 * tiles + 4)];
-        let mut pairs = 0;
+        let mut before = [9u32; counters::COUNT];
+        before[counters::STATUS] = status;
+        let buffers = [bytes(&before), bytes(&edges), garbage(2 * tiles + 4), garbage(4 * (ENTRIES + 2))];
+        let void_entries = ENTRIES as u32;
+        let push = Push { columns, rows, capacity, void_entries, first: 5, per_group: 64, per_sum: 40 };
+        let pairs = counts.iter().fold(0u32, |sum, count| sum.saturating_add(*count));
         for (pass, given) in variants(gpu, &PASS, &EMULATED) {
             for items in [1, 3, 64] {
                 let given = [given.clone(), vec![("ITEMS", items)]].concat();
-                let outcome = harness::run(gpu, pass, &given, &buffers, &Push { columns, rows }, 1);
+                let outcome = harness::run(gpu, pass, &given, &buffers, &push, 1);
                 outcome.assert_same_bits(&format!("offsets of {columns}x{rows} tiles, {given:?}"));
                 let all = outcome.device::<u32>(0);
+                let void = status != 0 || pairs > capacity;
+                assert_eq!(all[counters::STATUS], if pairs > capacity { counters::PAIRS_BIT } else { status });
+                let args = outcome.device::<[u32; 4]>(3);
+                assert_eq!(args[..ENTRIES].iter().all(|entry| *entry == [0; 4]), void);
+                let planned = [12_345u32.div_ceil(64), 12_345u32.div_ceil(40)].map(|groups| [groups, 1, 1, 0]);
+                assert_eq!(args[5..7] == planned, !void);
+                assert!(args[ENTRIES..].iter().all(|entry| *entry != [0; 4]), "entries behind are cleared");
+                if status != 0 {
+                    assert_eq!(outcome.device::<u32>(1), edges, "a void event changes lists");
+                    assert_eq!(all, before);
+                    continue;
+                }
                 assert_eq!(all[counters::VISIBLE], 12_345);
-                pairs = all[counters::PAIRS];
+                assert_eq!([all[counters::PAIRS], all[counters::WANT_PAIRS]], [pairs, pairs.max(9)]);
                 let ranges = outcome.device::<[u32; 2]>(2);
                 let mut first = 0u32;
                 for (range, count) in ranges.iter().zip(counts) {
@@ -105,7 +133,6 @@ pub mod tile_offsets {
                 }
             }
         }
-        pairs
     }
 
     pub fn run(gpu: &Gpu) {

@@ -72,7 +72,7 @@ macro_rules! cases {
 
 cases! {
     adam: "adam";
-    blend_backward: "blend_backward_column_atomic" "blend_backward_column_cas" "blend_backward_column_emulated_slots"
+    blend_backward: "blend_backward_column_cas" "blend_backward_column_emulated_slots"
         "blend_backward_column_slots" "blend_backward_pixel_atomic" "blend_backward_pixel_cas" "blend_backward_pixel_emulated_cas"
         "blend_backward_pixel_emulated_slots" "blend_backward_pixel_slots";
     blend_forward: "blend_forward_column" "blend_forward_column_emulated" "blend_forward_pixel";
@@ -107,11 +107,11 @@ cases! {
         "radix_scatter_groups_emulated" "radix_rows_subgroup" "radix_rows_emulated";
     saliency_plane: "saliency_plane";
     scan: "scan_reduce_subgroup" "scan_spine_subgroup" "scan_add_subgroup" "scan_reduce_emulated" "scan_spine_emulated"
-        "scan_add_subgroup_rows" "scan_add_emulated" "scan_once_runs" "scan_once_subgroup" "scan_once_subgroup_wide"
+        "scan_add_emulated" "scan_once_runs" "scan_once_subgroup"
         "scan_once_emulated";
     slot_sum: "slot_sum";
     splat_outlines: "splat_outlines";
-    stereo: "stereo_blocks" "stereo_filter" "stereo_refit" "stereo_sweep_side3" "stereo_sweep_side4" "stereo_sweep_side5" "stereo_sweep_side6";
+    stereo: "stereo_blocks" "stereo_filter" "stereo_refit" "stereo_sweep";
     subgroup_probe: "subgroup_probe_subgroup" "subgroup_probe_emulated";
     tile_edges: "tile_edges";
     tile_offsets: "tile_offsets_emulated" "tile_offsets_subgroup";

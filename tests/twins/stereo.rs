@@ -3,8 +3,7 @@
 
 use psrgs_vk::pass::Pass;
 use psrgs_vk::pass::stereo::{
-    ARMS, BLOCKS, BlocksPush, FILTER, FLAG_START, FilterPush, LINK_ROWS, REFIT, RefitPush, SWEEP_3, SWEEP_4, SWEEP_5,
-    SWEEP_6, SweepPush,
+    ARMS, BLOCKS, BlocksPush, FILTER, FLAG_START, FilterPush, LINK_ROWS, REFIT, RefitPush, SWEEP, SweepPush,
 };
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::stereo::{Sweep, agreement, blocks, candidates, possible, refitted};
@@ -114,7 +113,7 @@ fn expected(sweep: &Sweep<'_, f64>, planes: &[[f64; 4]], pixel: u32) -> Option<[
     Some(held)
 }
 
-fn sweep_case(gpu: &Gpu, pass: &Pass, side: u32, step: u32, flags: u32, best: u32) {
+fn sweep_case(gpu: &Gpu, side: u32, step: u32, flags: u32, best: u32) {
     let mut random = Random::new(u64::from(100 * side + 10 * step + flags + best));
     let made = pictures(&mut random);
     let [width, height] = SIZES[0];
@@ -149,7 +148,7 @@ fn sweep_case(gpu: &Gpu, pass: &Pass, side: u32, step: u32, flags: u32, best: u3
     };
     let buffers = [bytes(&made.blocks), bytes(&made.links), bytes(&list), bytes(&planes)];
     let groups = push.count.div_ceil(64);
-    let outcome = harness::run(gpu, pass, &[("STEP", step)], &buffers, &push, groups);
+    let outcome = harness::run(gpu, &SWEEP, &[("STEP", step), ("SIDE", side)], &buffers, &push, groups);
 
     let (blocks, links) = (wide(&made.blocks), wide(&made.links));
     let (wide_planes, sweep) = (wide(&planes), Sweep { push: &push, side, step, blocks: &blocks, links: &links });
@@ -243,11 +242,11 @@ pub fn run(gpu: &Gpu) {
     blocks_case(gpu, 13, 9, 5);
     blocks_case(gpu, 1, 1, 0);
     blocks_case(gpu, 70, 3, 64);
-    sweep_case(gpu, &SWEEP_3, 3, 2, 0, 1);
-    sweep_case(gpu, &SWEEP_4, 4, 2, 0, 2);
-    sweep_case(gpu, &SWEEP_5, 5, 1, 0, 3);
-    sweep_case(gpu, &SWEEP_5, 5, 1, FLAG_START, 2);
-    sweep_case(gpu, &SWEEP_6, 6, 2, FLAG_START, 1);
+    sweep_case(gpu, 3, 2, 0, 1);
+    sweep_case(gpu, 4, 2, 0, 2);
+    sweep_case(gpu, 5, 1, 0, 3);
+    sweep_case(gpu, 5, 1, FLAG_START, 2);
+    sweep_case(gpu, 6, 2, FLAG_START, 1);
     filter_case(gpu, 1);
     filter_case(gpu, 2);
     refit_case(gpu, 19, 14, 3);

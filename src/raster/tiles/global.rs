@@ -107,7 +107,7 @@ impl GlobalLists {
         let [_, tile_counts, count_words] = inputs.slices();
         let [sort, table] = self.shape.entries(lists.depth_bits);
         let slot_sums = Entry::items(slot_sum::SPLATS_PER_WORKGROUP);
-        let of_visible = [sort, table, scan::entry(), Entry::items(LOCAL_SIZE), Entry::fixed(1), slot_sums];
+        let of_visible = [sort, table, scan::entry(), Entry::items(LOCAL_SIZE), slot_sums, Entry::fixed(1)];
         lists.record_plan(rec, inputs, plan::Push::unlimited(VISIBLE, inputs.at(VISIBLE_SORT), &of_visible))?;
         let sorted = Unsorted {
             keys: both(&self.keys),

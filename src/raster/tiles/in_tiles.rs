@@ -1,10 +1,9 @@
 //! Lists by a histogram of tiles: pairs go into the lists of their tiles in no order, and each list is sorted by itself.
 
 use super::{
-    Capacities, DEPTH_BITS, LOCAL_SIZE, SPLAT_ITEMS, SPLAT_ONCE, SortedPairs, TileListInputs, TileLists, VISIBLE,
-    VISIBLE_ITEMS, VisibleScratch,
+    Capacities, DEPTH_BITS, LOCAL_SIZE, SPLAT_ITEMS, SortedPairs, TileListInputs, TileLists, VISIBLE_ITEMS,
+    VisibleScratch,
 };
-use crate::pass::plan::{self, Entry};
 use crate::pass::{alpha_min, emit_tiles, slot_sum, tile_edges, tile_offsets, tile_sort};
 use crate::raster::memory_footprint::MemoryFootprint;
 use crate::raster::pass_select::{self, ListPasses};
@@ -100,16 +99,20 @@ impl ListsInTiles {
             let [keys, places] = [self.keys[0].slice(), self.vals[1].slice()];
             let scratch = VisibleScratch { keys, splats: listed.slice(), places };
             visible.record(rec, inputs, scratch, lists.depth_bits)?;
-            let sums = Entry::items(slot_sum::SPLATS_PER_WORKGROUP);
-            let of_visible = [Entry::items(LOCAL_SIZE), Entry::fixed(1), sums];
-            lists.record_plan(rec, inputs, plan::Push::unlimited(VISIBLE, inputs.at(VISIBLE_ITEMS), &of_visible))?;
         }
         let (edge, emit) = self.pipelines(inputs.alpha_cutoff)?;
         let push = tile_edges::Push { width, height, tile_width, tile_height };
         rec.dispatch(&edge, &[splat2d, tile_counts, count_words, edges], &push, inputs.groups(SPLAT_ITEMS))?;
-        let push = tile_offsets::Push { columns, rows };
-        rec.dispatch(&self.offsets, &[count_words, edges, ranges], &push, inputs.groups(SPLAT_ONCE))?;
-        lists.record_plan_of_pairs(rec, inputs, &[])?;
+        let push = tile_offsets::Push {
+            columns,
+            rows,
+            capacity: lists.pairs_that_fit,
+            void_entries: inputs.entries,
+            first: inputs.at(VISIBLE_ITEMS),
+            per_group: LOCAL_SIZE,
+            per_sum: slot_sum::SPLATS_PER_WORKGROUP,
+        };
+        rec.dispatch(&self.offsets, &[count_words, edges, ranges, inputs.args.into()], &push, Groups::Workgroups(1))?;
 
         // Without slots, placeholders are bound, which the passes neither read nor write.
         let slots = visible.slots.as_ref().map(|slots| (slots.splat.slice(), slots.offsets.slice()));

@@ -31,12 +31,12 @@ pub fn run_blocks(call: &mut TwinCall<'_>) {
     call.set(1, &rows);
 }
 
-/// Adapter over raw buffers, with `SIDE` taps along a side of the window.
-pub fn run_sweep<const SIDE: u32>(call: &mut TwinCall<'_>) {
+/// Adapter over raw buffers.
+pub fn run_sweep(call: &mut TwinCall<'_>) {
     let push: SweepPush = call.push();
     let (blocks, links, pixels) = (call.get::<[f32; 4]>(0), call.get::<[f32; 4]>(1), call.get::<u32>(2));
     let mut planes = call.get::<[f32; 4]>(3);
-    let sweep = Sweep { push: &push, side: SIDE, step: call.constants[0], blocks: &blocks, links: &links };
+    let sweep = Sweep { push: &push, side: call.constants[1], step: call.constants[0], blocks: &blocks, links: &links };
     let list = &pixels[push.first as usize..][..push.count as usize];
     // A pixel reads only pixels that the call does not change.
     let results: Vec<[f32; 4]> = list.iter().map(|&pixel| sweep.pixel(&planes, pixel)).collect();
