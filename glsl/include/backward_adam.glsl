@@ -33,8 +33,8 @@ layout(constant_id = 12) const uint PRICE_SCALE = 0u;
 // Weight of o (1 - o) of the opacity of every splat on the image in the loss, a float as bits; counts in steps with
 // FLAG_DECIDES.
 layout(constant_id = 13) const uint DECIDE = 0u;
-// Nonzero: coefficients are read again where they step, in place of some 44 registers that would keep them until then.
-// Pays where a step's second read comes from a cache.
+// Nonzero: coefficients and means are read again where they step, in place of some 50 registers that would keep them, and
+// the direction of the basis, until then. Pays where a step's second read comes from a cache.
 layout(constant_id = 14) const uint READS_AGAIN = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Splat2d { vec4 splat2d[]; };
@@ -143,9 +143,6 @@ void main() {
     const uint s = 3u * i;
     AdamStep step = AdamStep(uintBitsToFloat(BETA1), uintBitsToFloat(GAIN1), uintBitsToFloat(BETA2), uintBitsToFloat(GAIN2),
                              uintBitsToFloat(EPS), push.inv_bias1, push.inv_sqrt_bias2);
-    if (LISTED != 0u || CATCHES_UP != 0u) {
-        if (!begin_splat(step, i)) return;
-    }
     // Later rows have no coefficients above degree 1, and no moments of them.
     const bool full = i < FULL_ROWS;
     const uint in_use = (push.flags >> 8u) & 3u;
@@ -171,7 +168,8 @@ void main() {
     SplatGradient g = no_gradient();
     // Weights by degree; zeros for a splat that is not on the image.
     vec3 shrink = vec3(0.0);
-    if (CATCHES_UP == 0u && (LISTED != 0u || on_image[at] != 0u)) {
+    const bool shown = CATCHES_UP == 0u && (LISTED != 0u || on_image[at] != 0u);
+    if (shown) {
         const Camera camera =
             Camera(push.row0.xyz, push.row1.xyz, push.row2.xyz, vec3(push.row0.w, push.row1.w, push.row2.w), push.center,
                    0.0, push.focal, vec2(0.0), push.limits);
@@ -187,9 +185,18 @@ void main() {
         price(g, splat.log_scale, splat.logit, uintBitsToFloat(PRICE_OPACITY) / count, uintBitsToFloat(PRICE_SCALE) / count);
     }
 
-    STEP3(means, m_means, v_means, 0u, push.lr_means, g.mean, splat.mean)
+    // Only here, so that no register keeps the missed steps while gradients are worked out.
+    if (LISTED != 0u || CATCHES_UP != 0u) {
+        if (!begin_splat(step, i)) return;
+    }
     STEP4(quats, m_quats, v_quats, i, 3u, vec4(push.lr_quats), g.quat, splat.quat)
     STEP3(scales, m_scales, v_scales, 7u, push.lr_scales, g.log_scale, splat.log_scale)
+    // Also the mean, which steps last, so that no register keeps the direction until the coefficients step.
+    if (READS_AGAIN != 0u) {
+        splat.mean = LOAD3(means, i);
+        const vec3 offset = splat.mean - push.center;
+        g.dir = shown ? offset / length(offset) : vec3(0.0);
+    }
     const vec4 rest = vec4(push.lr_sh_rest);
     const vec4 head = vec4(vec3(push.lr_sh_base), push.lr_sh_rest);
     const vec4 basis0 = sh_basis0(g.dir, degree);
@@ -213,6 +220,7 @@ void main() {
         const vec4 basis3 = degree >= 3u ? sh_basis3(g.dir) : vec4(0.0);
         STEP_SH(sh3, m_sh3, v_sh3, 3, 47u, basis3, shrink.zzzz)
     }
+    STEP3(means, m_means, v_means, 0u, push.lr_means, g.mean, splat.mean)
     if ((push.flags & FLAG_STEPS_OPACITIES) != 0u) {
         step.inv_bias1 = push.inv_bias1_opacities;
         step.inv_sqrt_bias2 = push.inv_sqrt_bias2_opacities;
