@@ -511,23 +511,3 @@ fn a_stage_of_all_steps_goes_on_with_more_steps() {
     assert_eq!(again(0.5, 40, 60), None);
     assert_eq!(again(1.0, 40, 100), None);
 }
-
-/// A step that is repeated leaves out the same splats, and another step others. Density changes do not take splats that
-/// were left out for splats that no photograph sees.
-#[test]
-fn steps_leave_out_splats_until_the_last_ones() {
-    let with = |share: f64| {
-        schedule(|s| {
-            (s.run.iterations, s.run.scale_schedule, s.run.seed) = (8600, true, 7);
-            (s.optimiser.drop_share, s.optimiser.drop_until) = (share, 0.4);
-        })
-    };
-    let (some, none) = (with(0.25), with(0.0));
-    assert_eq!(steps(&some, |t| some.step(t).draw.is_some()), (1..=3440).collect::<Vec<u32>>());
-    let draw = some.step(600).draw.expect("a draw");
-    assert_eq!((draw.left_out, draw.seed, draw.step), (1 << 30, 7, 600));
-    let judged = |s: &Schedule| steps(s, |t| s.step(t).densify.is_some_and(|change| change.sees_all));
-    assert!(judged(&none).iter().any(|t| *t <= 3440));
-    assert!(judged(&some).iter().all(|t| *t > 3440) && !judged(&some).is_empty());
-    assert!(steps(&none, |t| none.step(t).draw.is_some()).is_empty());
-}

@@ -8,16 +8,10 @@ crate::push_constants! {
     pub struct Push {
         /// 1: the splats outside of the constrained set are rendered; 0: the constrained set is.
         pub others: u32,
-        /// Not 0: all splats but a share of `left_out` / 2^32, drawn by seed, step and identity, are rendered.
-        pub left_out: u32,
-        /// Seed of the draw.
-        pub seed: u32,
-        /// Step of the draw.
-        pub step: u32,
     }
 }
 
-/// Culls all splats except the constrained set, or except the others, or a drawn share of all.
+/// Culls all splats except the constrained set, or except the others.
 pub const PASS: Pass = Pass {
     kernel: Kernel {
         name: "constrain",
@@ -28,7 +22,7 @@ pub const PASS: Pass = Pass {
         local_size: Some(64),
     },
     doc: "One thread owns one splat; a workgroup owns 64 consecutive splats. Splats with an identity at or \
-        above the bound touch no tile; with `others`, splats below the bound; with `left_out`, drawn splats.",
+        above the bound touch no tile; with `others`, splats below the bound.",
     dispatch: "one thread per splat",
     push: Push::FIELDS,
 };

@@ -23,7 +23,7 @@ pub use planes::{
     MEANS, OPACITIES, PLANES, Plane, Planes, QUATS, SCALES, SH_HIGHER, SH0, gaussians_of, grown, planes_of,
 };
 pub use renderer::{
-    BackwardStep, DENSITY_ENTRY, Draw, GradientTerms, Gradients, ImageGradients, Part, RenderView, Renderer, Subset,
+    BackwardStep, DENSITY_ENTRY, GradientTerms, Gradients, ImageGradients, Part, RenderView, Renderer, Subset,
 };
 pub(crate) use size::LARGEST_ROW;
 pub use size::{LEAST_2D, Size, most_pairs, most_splats};

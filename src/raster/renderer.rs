@@ -68,26 +68,13 @@ pub struct Subset<'a> {
     pub part: Part,
 }
 
-/// A draw of splats by their identities.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Draw {
-    /// Each splat is left out with a probability of `left_out` / 2^32.
-    pub left_out: u32,
-    /// Seed of the draw.
-    pub seed: u32,
-    /// Step of the draw.
-    pub step: u32,
-}
-
-/// A part of a model: by the stage in which splats began, or drawn.
+/// The stage in which a splat began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// Splats with an identity below the bound in [`counters::CONSTRAINED`]: those of the low-frequency stage.
     Low,
     /// All others.
     High,
-    /// All splats but those that a draw leaves out.
-    Drawn(Draw),
 }
 
 impl RenderView {
@@ -442,11 +429,7 @@ impl Renderer {
         }
         if let Some(Subset { ids, part }) = subset {
             let constrain = self.gpu.pipeline(&constrain::PASS.kernel, &[])?;
-            let push = match part {
-                Part::Low => constrain::Push::default(),
-                Part::High => constrain::Push { others: 1, ..constrain::Push::default() },
-                Part::Drawn(Draw { left_out, seed, step }) => constrain::Push { left_out, seed, step, others: 0 },
-            };
+            let push = constrain::Push { others: u32::from(part == Part::High) };
             recorder.dispatch(&constrain, &[&self.counters, ids, &self.tile_counts], &push, self.per_splat())?;
         }
 

@@ -13,7 +13,6 @@ mod propagations;
 mod rates;
 
 use super::settings::{self, Background, Density, Settings, SigmaLearning};
-use crate::raster::Draw;
 use crate::scene::random::hash;
 use propagations::Propagations;
 use rates::{RateSchedule, log_linear};
@@ -73,8 +72,6 @@ pub struct Schedule {
     early: EarlyCutoff,
     /// The loss pushes opacities to 0 or 1 after this step.
     decides_after: u32,
-    /// `None` where no step leaves out splats.
-    left_out: Option<LeftOut>,
     geometry_every: u32,
     /// Share of the weight of depth and normals that is left at `geometry_until`.
     geometry_left: f64,
@@ -158,7 +155,6 @@ impl Schedule {
                 true => (settings.geometry.depth_steps * f64::from(run.iterations)).round() as u32,
                 false => 0,
             },
-            left_out: LeftOut::new(optimiser, run),
             decides_after: match optimiser.lambda_binary > 0.0 {
                 true => (optimiser.binary_from * f64::from(run.iterations)).round() as u32,
                 false => u32::MAX,
@@ -271,7 +267,6 @@ impl Schedule {
     pub fn step(&self, t: u32) -> StepPlan {
         let densify = self.densifies_at(t);
         let reset_opacity = self.resets_at(t);
-        let draw = self.left_out.filter(|of| t <= of.until).map(|of| Draw { step: t, ..of.draw });
         StepPlan {
             step: t,
             rates: self.rates.at(t),
@@ -280,8 +275,7 @@ impl Schedule {
             accumulate: self.densify && self.relocation.is_none() && t < self.densify_until,
             densify: densify.then(|| DensityChange {
                 prune_large: t > self.prune_large_after,
-                // A splat of one photograph may have been left out each time.
-                sees_all: draw.is_none() && self.steps_since_change(t) >= pass_of(self.views, self.bands),
+                sees_all: self.steps_since_change(t) >= pass_of(self.views, self.bands),
             }),
             reset_opacity,
             adam: match (densify || t >= self.iterations, reset_opacity) {
@@ -304,7 +298,6 @@ impl Schedule {
             gradients: self.gradients.at(t, self.low_until),
             perceptual: self.perceptual_at(t),
             learn_sigma: self.learns_sigma_at(t),
-            draw,
         }
     }
 
@@ -502,27 +495,6 @@ impl Growth {
     fn share(&self, density: &Density, scale: f64) -> f64 {
         let published = f64::from(density.densify_interval.max(1)) * scale;
         (1.0 + density.relocate_growth).powf(f64::from(self.interval) / published) - 1.0
-    }
-}
-
-/// Splats that steps leave out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct LeftOut {
-    /// Last step that leaves out splats.
-    until: u32,
-    /// The draw but its step.
-    draw: Draw,
-}
-
-impl LeftOut {
-    /// `None` where no step leaves out splats.
-    fn new(optimiser: &settings::Optimiser, run: &settings::Run) -> Option<Self> {
-        let left_out = (optimiser.drop_share * 2f64.powi(32)) as u32;
-        let seed = run.seed as u32 ^ (run.seed >> 32) as u32;
-        (left_out > 0).then(|| Self {
-            until: (optimiser.drop_until * f64::from(run.iterations)).round() as u32,
-            draw: Draw { left_out, seed, step: 0 },
-        })
     }
 }
 

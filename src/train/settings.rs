@@ -208,11 +208,6 @@ group! {
         pub lambda_binary: f64 = 0.0; Range::WEIGHT,
         /// Share of the steps after which lambda-binary counts
         pub binary_from: f64 = 0.5; Range::SHARE,
-        /// Share of the splats that a step leaves out of its render, drawn anew in each step: what is seen through the
-        /// gaps has to be right too. Pays where few photographs that overlap little are looked at often
-        pub drop_share: f64 = 0.0; Range::BELOW_1,
-        /// Share of the steps, the first ones, that leave out splats
-        pub drop_until: f64 = 0.7; Range::SHARE,
         /// Learning rate of the means when its decay ends
         pub lr_means_final: f64 = 1.6e-6; Range::POSITIVE,
         /// Steps over which the learning rate of the means decays, log-linearly

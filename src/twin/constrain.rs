@@ -1,11 +1,8 @@
 //! Twins of `glsl/constrain.comp`, `glsl/grad2d_keep.comp` and `glsl/grad2d_add.comp`.
 
-use super::{TwinCall, random};
+use super::TwinCall;
 use crate::pass::constrain::Push;
 use crate::pass::counters::{CONSTRAINED, SPLATS};
-
-/// Keeps the draws apart from those of other passes.
-const STREAM: u32 = 0xd209;
 
 fn splats(call: &TwinCall<'_>) -> usize {
     (call.get::<u32>(0)[SPLATS] as usize).min(64 * call.groups as usize)
@@ -13,14 +10,10 @@ fn splats(call: &TwinCall<'_>) -> usize {
 
 /// Adapter over raw buffers of `constrain`.
 pub fn run(call: &mut TwinCall<'_>) {
-    let (n, bound, push) = (splats(call), call.get::<u32>(0)[CONSTRAINED], call.push::<Push>());
+    let (n, bound, others) = (splats(call), call.get::<u32>(0)[CONSTRAINED], call.push::<Push>().others != 0);
     let (ids, mut tile_counts) = (call.get::<u32>(1), call.get::<u32>(2));
-    let outside = |id: u32| match push.left_out {
-        0 => (id < bound) == (push.others != 0),
-        left_out => random::bits([push.seed, push.step, id, STREAM])[0] < left_out,
-    };
     for (count, id) in tile_counts.iter_mut().zip(&ids).take(n) {
-        if outside(*id) {
+        if (*id < bound) == others {
             *count = 0;
         }
     }

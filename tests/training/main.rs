@@ -10,7 +10,6 @@ mod exposed_world;
 mod exposures;
 mod harmonics;
 mod host_actions;
-mod left_out;
 mod methods;
 mod photographs;
 mod propagation;

@@ -1,7 +1,6 @@
 //! Stereo: pictures for sampling bit for bit; sweeps and the check of views against double precision, except where
 //! rounding may decide.
 
-use psrgs_vk::pass::Pass;
 use psrgs_vk::pass::stereo::{
     ARMS, BLOCKS, BlocksPush, FILTER, FLAG_START, FilterPush, LINK_ROWS, REFIT, RefitPush, SWEEP, SweepPush,
 };

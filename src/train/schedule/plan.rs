@@ -1,7 +1,6 @@
 //! What one step does.
 
 use super::{Band, PerceptualStep, Rates};
-use crate::raster::Draw;
 
 /// Splats that are dropped before a step because of their weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,8 +27,8 @@ pub enum Adam {
 pub struct DensityChange {
     /// Whether splats that are large in the scene are pruned too.
     pub prune_large: bool,
-    /// Whether every photograph was looked at, with all splats, since the last change: a splat unseen since then is seen
-    /// by no photograph.
+    /// Whether every photograph was looked at since the last change: a splat unseen since then is seen by no
+    /// photograph.
     pub sees_all: bool,
 }
 
@@ -85,6 +84,4 @@ pub struct StepPlan {
     pub perceptual: Option<PerceptualStep>,
     /// Whether the width of the saliency filter is learned from this step's render.
     pub learn_sigma: bool,
-    /// The draw of the splats that the step leaves out, if it leaves out some.
-    pub draw: Option<Draw>,
 }

@@ -57,8 +57,7 @@ impl<'a> StepContext<'a> {
         recorder: &mut Recorder,
         aux: bool,
     ) -> Result<FrameLists<'a>, vk::Error> {
-        let subset = self.plan.draw.map(|draw| Subset { ids: self.ids, part: Part::Drawn(draw) });
-        self.renderer.record_forward_of(recorder, self.model, &self.shot, self.target, aux, subset)
+        self.renderer.record_forward(recorder, self.model, &self.shot, self.target, aux)
     }
 
     /// Records the render of the constrained set alone.
