@@ -10,8 +10,8 @@
 #include "subgroup.glsl"
 layout(local_size_x = LOCAL_SIZE) in;
 #else
-#define LOCAL_SIZE gl_WorkGroupSize.x
 #include "subgroup.glsl"
+layout(constant_id = 1) const uint LOCAL_SIZE = 64u;
 layout(local_size_x = 64, local_size_x_id = 1) in;
 #endif
 #include "workgroup_sum.glsl"
