@@ -7,6 +7,7 @@
 // few splats the workgroup adds the sums of the subgroups. atomic, cas: sums are added to the splat's row by native float
 // atomics, or by compare-and-swap.
 //! variant column_slots COLUMN SLOTS
+//! variant column_atomic COLUMN ATOMIC
 //! variant column_cas COLUMN CAS
 //! variant column_emulated_slots COLUMN SLOTS SUBGROUP_EMULATED
 //! variant pixel_slots PIXEL SLOTS WITH_SUBGROUPS

@@ -1,6 +1,7 @@
 #version 460
-// constrain: culls all splats outside of a set: they touch no tile. The set is the constrained splats, those that existed at the end of
-// the low-frequency stage, or all others. One thread owns one splat; one workgroup owns 64 consecutive splats.
+// constrain: culls all splats outside of a set: they touch no tile. The set is the constrained splats, those that
+// existed at the end of the low-frequency stage, or all others. One thread owns one splat; one workgroup owns 64
+// consecutive splats.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "counters.glsl"

@@ -33,8 +33,8 @@ layout(constant_id = 12) const uint PRICE_SCALE = 0u;
 // Weight of o (1 - o) of the opacity of every splat on the image in the loss, a float as bits; counts in steps with
 // FLAG_DECIDES.
 layout(constant_id = 13) const uint DECIDE = 0u;
-// Nonzero: coefficients and means are read again where they step, in place of some 50 registers that would keep them, and
-// the direction of the basis, until then. Pays where a step's second read comes from a cache.
+// Nonzero: coefficients and means are read again where they step. Otherwise some 50 registers keep them, and the
+// direction of the basis, until then. Pays where the second read of a step comes from a cache.
 layout(constant_id = 14) const uint READS_AGAIN = 0u;
 layout(set = 0, binding = 0) readonly buffer Counters { uint counters[]; };
 layout(set = 0, binding = 1) readonly buffer Splat2d { vec4 splat2d[]; };
@@ -185,13 +185,13 @@ void main() {
         price(g, splat.log_scale, splat.logit, uintBitsToFloat(PRICE_OPACITY) / count, uintBitsToFloat(PRICE_SCALE) / count);
     }
 
-    // Only here, so that no register keeps the missed steps while gradients are worked out.
+    // After the gradients, so that no register has to keep the missed steps meanwhile.
     if (LISTED != 0u || CATCHES_UP != 0u) {
         if (!begin_splat(step, i)) return;
     }
     STEP4(quats, m_quats, v_quats, i, 3u, vec4(push.lr_quats), g.quat, splat.quat)
     STEP3(scales, m_scales, v_scales, 7u, push.lr_scales, g.log_scale, splat.log_scale)
-    // Also the mean, which steps last, so that no register keeps the direction until the coefficients step.
+    // The mean is read again too, for the direction of the basis, which no register has kept. So the mean steps last.
     if (READS_AGAIN != 0u) {
         splat.mean = LOAD3(means, i);
         const vec3 offset = splat.mean - push.center;

@@ -2,8 +2,8 @@
 // difference of luma, as in COLMAP and ACMM), through the exact homography of the hypothesis' plane.
 //
 // A hypothesis at a pixel is (d, gx, gy): inverse depth at the pixel, and its change per pixel, which is constant on a
-// plane. The including shader declares STEP, SIDE (taps along a side of the window), `blocks` (pixel p of
-// the photograph in slot s is row s * push.stride + p; slot 0 is the reference), `links` and `push`. A source has seven
+// plane. The including shader declares STEP, SIDE (taps along a side of the window), `blocks` (pixel p of the
+// photograph in slot s is row s * push.stride + p; slot 0 is the reference), `links` and `push`. A source has seven
 // rows of `links`: three rows of (A, b), which map pixel (u, v) at inverse depth d to A (u, v, 1) + b d in homogeneous
 // pixels of the source; one row with width and height; and three rows of the inverse map.
 #ifndef STEREO_WINDOW_GLSL

@@ -106,7 +106,9 @@ const fn pass(name: &'static str, owned: Owned, bindings: &'static [Binding], co
 
 /// COLUMN shape (subgroups of width 8), partial sums to slots: deterministic, and fastest on lavapipe.
 pub const COLUMN_SLOTS: Pass = pass("blend_backward_column_slots", Owned::Columns, SLOT_BINDINGS, CONSTANTS);
-/// COLUMN shape, compare-and-swap: CPU devices have no faster atomics.
+/// COLUMN shape, native float atomics (needs `shaderBufferFloat32AtomicAdd`).
+pub const COLUMN_ATOMIC: Pass = pass("blend_backward_column_atomic", Owned::Columns, SUM_BINDINGS, CONSTANTS);
+/// COLUMN shape, compare-and-swap.
 pub const COLUMN_CAS: Pass = pass("blend_backward_column_cas", Owned::Columns, SUM_BINDINGS, CONSTANTS);
 /// COLUMN shape with its shuffles through shared memory, slots.
 pub const COLUMN_EMULATED_SLOTS: Pass = pass(

@@ -90,6 +90,7 @@ pub struct Pass {
 /// Every pass. A test compares the shader folder with this list.
 pub const ALL: &[&Pass] = &[
     &adam::PASS,
+    &blend_backward::COLUMN_ATOMIC,
     &blend_backward::COLUMN_CAS,
     &blend_backward::COLUMN_EMULATED_SLOTS,
     &blend_backward::COLUMN_SLOTS,

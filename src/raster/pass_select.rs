@@ -82,9 +82,9 @@ pub(super) fn blend_backward(gpu: &Gpu, variants: Variants) -> Result<ChosenPass
     Ok(match (variants.tile, variants.gradients) {
         (Column, Slots) if columns_by_hardware(gpu) => ChosenPass::plain(&backward::COLUMN_SLOTS),
         (Column, Slots) => ChosenPass::plain(&backward::COLUMN_EMULATED_SLOTS),
+        (Column, Atomic) if columns_by_hardware(gpu) => ChosenPass::plain(&backward::COLUMN_ATOMIC),
         (Column, CompareAndSwap) if columns_by_hardware(gpu) => ChosenPass::plain(&backward::COLUMN_CAS),
-        (Column, Atomic) => return lacks("pixel tiles", "gradients summed by float atomics"),
-        (Column, CompareAndSwap) => {
+        (Column, _) => {
             return lacks("subgroups of width 8", "gradients of column tiles without slots");
         }
         (Pixel, Slots) if hardware => ChosenPass::with(&backward::PIXEL_SLOTS, &[block]),

@@ -154,8 +154,8 @@ impl Variants {
         }
     }
 
-    /// Whether the device can run this variant. Slots always run. Compare-and-swap in column tiles needs subgroups of
-    /// width 8. Float atomics need pixel tiles, native support and hardware subgroups. Every variant needs enough shared memory.
+    /// Whether the device can run this variant. Slots always run. Other sums of column tiles need subgroups of width 8.
+    /// Float atomics need native support and hardware subgroups. Every variant needs enough shared memory.
     pub fn runs_on(self, gpu: &Gpu) -> bool {
         let caps = gpu.caps();
         let atomics = caps.buffer_floats == FloatAtomics::Native && matches!(caps.subgroup, Subgroup::Hardware(_));
@@ -163,7 +163,7 @@ impl Variants {
         let there = match (self.tile, self.gradients) {
             (_, GradientSum::Slots) => true,
             (TileShape::Column, GradientSum::CompareAndSwap) => columns_sum,
-            (TileShape::Column, GradientSum::Atomic) => false,
+            (TileShape::Column, GradientSum::Atomic) => columns_sum && atomics,
             (TileShape::Pixel, GradientSum::CompareAndSwap) => true,
             (TileShape::Pixel, GradientSum::Atomic) => atomics,
         };
@@ -200,13 +200,9 @@ impl Variants {
             (FloatAtomics::Native, Subgroup::Hardware(_)) => GradientSum::Atomic,
             _ => GradientSum::CompareAndSwap,
         };
-        match self.tile {
-            TileShape::Pixel => Self { gradients, ..self },
-            TileShape::Column if caps.subgroup == Subgroup::Hardware(COLUMN_WIDTH) => {
-                Self { gradients: GradientSum::CompareAndSwap, ..self }
-            }
-            TileShape::Column => Self::new(TileShape::Pixel, gradients).with(gpu, NamedVariants::default()),
-        }
+        let same = caps.subgroup == Subgroup::Hardware(COLUMN_WIDTH) || self.tile == TileShape::Pixel;
+        let usual = Self::new(TileShape::Pixel, gradients);
+        if same { Self { gradients, ..self } } else { usual.with(gpu, NamedVariants::default()) }
     }
 
     /// These variants with the named parts, and with lists that suit the tile shape and the device unless named.

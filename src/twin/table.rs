@@ -14,8 +14,9 @@ use crate::pass::{self, Pass};
 pub type TwinFn = fn(&mut TwinCall<'_>);
 
 /// Every pass with its twin, in the order of [`pass::ALL`].
-pub const TABLE: [(&Pass, TwinFn); 105] = [
+pub const TABLE: [(&Pass, TwinFn); 106] = [
     (&pass::adam::PASS, adam::run),
+    (&pass::blend_backward::COLUMN_ATOMIC, blend_backward::run_column_sums),
     (&pass::blend_backward::COLUMN_CAS, blend_backward::run_column_sums),
     (&pass::blend_backward::COLUMN_EMULATED_SLOTS, blend_backward::run_column_slots),
     (&pass::blend_backward::COLUMN_SLOTS, blend_backward::run_column_slots),

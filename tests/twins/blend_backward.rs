@@ -39,6 +39,9 @@ fn variants(gpu: &Gpu) -> Vec<(&'static Pass, usize, Rows, Option<u32>)> {
     if atomics {
         all.push((&passes::PIXEL_ATOMIC, 16, Rows::Sums, None));
     }
+    if eight && atomics {
+        all.push((&passes::COLUMN_ATOMIC, 8, Rows::Sums, None));
+    }
     all
 }
 

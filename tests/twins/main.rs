@@ -72,7 +72,7 @@ macro_rules! cases {
 
 cases! {
     adam: "adam";
-    blend_backward: "blend_backward_column_cas" "blend_backward_column_emulated_slots"
+    blend_backward: "blend_backward_column_atomic" "blend_backward_column_cas" "blend_backward_column_emulated_slots"
         "blend_backward_column_slots" "blend_backward_pixel_atomic" "blend_backward_pixel_cas" "blend_backward_pixel_emulated_cas"
         "blend_backward_pixel_emulated_slots" "blend_backward_pixel_slots";
     blend_forward: "blend_forward_column" "blend_forward_column_emulated" "blend_forward_pixel";
