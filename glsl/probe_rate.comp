@@ -1,13 +1,12 @@
 #version 460
-//! variant multiply_add
-//! variant exp2 EXP2
 // probe_rate: arithmetic on registers only, to measure the device's arithmetic rate. Writes one sum per thread. One
 // thread owns eight independent chains of operations, like the eight pixels of a thread in the blending passes; a
-// workgroup has the size of the blending passes' workgroups on the device. multiply_add: x <- x a + b; exp2: x <- 2^-x.
+// workgroup has the size of the blending passes' workgroups on the device. x <- x a + b, or x <- 2^-x with EXP2.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common.glsl"
 layout(local_size_x = 8, local_size_x_id = 0) in;
+layout(constant_id = 1) const uint EXP2 = 0u;  // 1: exponentials in place of multiply-adds
 layout(set = 0, binding = 0) writeonly buffer Sums { float sums[]; };
 layout(push_constant) uniform Push {
     uint turns;    // of UNROLL operations in every chain, at most 65,535
@@ -26,11 +25,7 @@ void main() {
     for (uint turn = 0u; turn < push.turns; ++turn) {
         [[unroll]] for (uint u = 0u; u < UNROLL; ++u) {
             [[unroll]] for (uint j = 0u; j < CHAINS; ++j) {
-#ifdef EXP2
-                x[j] = exp2(-x[j]);
-#else
-                x[j] = x[j] * push.a + push.b;
-#endif
+                x[j] = EXP2 != 0u ? exp2(-x[j]) : x[j] * push.a + push.b;
             }
         }
     }

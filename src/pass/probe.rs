@@ -2,11 +2,11 @@
 //! results.
 
 use super::{Pass, module};
-use crate::vk::{Binding, Constant, Kernel, read, write};
+use crate::vk::{Constant, Kernel, read, write};
 
 /// Groups of four words that a workgroup of [`COPY`] owns.
 pub const COPY_GROUPS: u32 = 256;
-/// Chains of operations per thread of the arithmetic passes.
+/// Chains of operations per thread of [`RATE`].
 pub const CHAINS: u32 = 8;
 /// Operations per chain and turn of the loop.
 pub const UNROLL: u32 = 8;
@@ -20,7 +20,7 @@ crate::push_constants! {
 }
 
 crate::push_constants! {
-    /// Push constants of the arithmetic passes.
+    /// Push constants of [`RATE`].
     pub struct RatePush {
         /// Turns of [`UNROLL`] operations in every chain, at most 65,535.
         pub turns: u32,
@@ -48,26 +48,17 @@ pub const COPY: Pass = Pass {
     push: CopyPush::FIELDS,
 };
 
-const SUMS: &[Binding] = &[write("sums")];
-const LOCAL_SIZE: &[Constant] = &[Constant { id: 0, name: "LOCAL_SIZE", default: 8 }];
-
-const fn rate(name: &'static str) -> Pass {
-    Pass {
-        kernel: Kernel {
-            name,
-            spirv: module(name),
-            bindings: SUMS,
-            push_bytes: RatePush::BYTES,
-            constants: LOCAL_SIZE,
-            local_size: None,
-        },
-        doc: "One thread owns eight chains of operations and their sum.",
-        dispatch: "as many workgroups as take a time that can be measured",
-        push: RatePush::FIELDS,
-    }
-}
-
-/// Repeated x a + b: two operations each.
-pub const MULTIPLY_ADD: Pass = rate("probe_rate_multiply_add");
-/// Repeated 2^-x.
-pub const EXP2: Pass = rate("probe_rate_exp2");
+/// Repeated x a + b, two operations each; with the constant `EXP2` repeated 2^-x.
+pub const RATE: Pass = Pass {
+    kernel: Kernel {
+        name: "probe_rate",
+        spirv: module("probe_rate"),
+        bindings: &[write("sums")],
+        push_bytes: RatePush::BYTES,
+        constants: &[Constant { id: 0, name: "LOCAL_SIZE", default: 8 }, Constant { id: 1, name: "EXP2", default: 0 }],
+        local_size: None,
+    },
+    doc: "One thread owns eight chains of operations and their sum.",
+    dispatch: "as many workgroups as take a time that can be measured",
+    push: RatePush::FIELDS,
+};

@@ -20,19 +20,12 @@ pub fn chains<R: Real>(thread: u32, turns: u32, step: impl Fn(R) -> R) -> R {
     (0..CHAINS).fold(R::zero(), |sum, j| sum + chain(j))
 }
 
-fn rate(call: &mut TwinCall<'_>, step: impl Fn(f32, &RatePush) -> f32) {
+/// Adapter of the arithmetic.
+pub fn rate(call: &mut TwinCall<'_>) {
     let push: RatePush = call.push();
-    let threads = push.threads.min(call.groups * call.constants[0]);
-    let sums: Vec<f32> = (0..threads).map(|t| chains(t, push.turns, |x| step(x, &push))).collect();
+    let [local_size, exp2] = [call.constants[0], call.constants[1]];
+    let threads = push.threads.min(call.groups * local_size);
+    let step = |x: f32| if exp2 == 1 { (-x).exp2() } else { x * push.a + push.b };
+    let sums: Vec<f32> = (0..threads).map(|t| chains(t, push.turns, step)).collect();
     call.set(0, &sums);
-}
-
-/// Adapter of the multiply-adds.
-pub fn multiply_add(call: &mut TwinCall<'_>) {
-    rate(call, |x, push| x * push.a + push.b);
-}
-
-/// Adapter of the exponentials.
-pub fn exp2(call: &mut TwinCall<'_>) {
-    rate(call, |x, _| (-x).exp2());
 }

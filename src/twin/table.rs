@@ -14,7 +14,7 @@ use crate::pass::{self, Pass};
 pub type TwinFn = fn(&mut TwinCall<'_>);
 
 /// Every pass with its twin, in the order of [`pass::ALL`].
-pub const TABLE: [(&Pass, TwinFn); 106] = [
+pub const TABLE: [(&Pass, TwinFn); 105] = [
     (&pass::adam::PASS, adam::run),
     (&pass::blend_backward::COLUMN_ATOMIC, blend_backward::run_column_sums),
     (&pass::blend_backward::COLUMN_CAS, blend_backward::run_column_sums),
@@ -82,8 +82,7 @@ pub const TABLE: [(&Pass, TwinFn); 106] = [
     (&pass::pool::BACKWARD, pool::run_backward),
     (&pass::pool::FORWARD, pool::run),
     (&pass::probe::COPY, probe::copy),
-    (&pass::probe::EXP2, probe::exp2),
-    (&pass::probe::MULTIPLY_ADD, probe::multiply_add),
+    (&pass::probe::RATE, probe::rate),
     (&pass::project::HALF, project::run_half),
     (&pass::project::PASS, project::run),
     (&pass::project::SPARSE, project::run),

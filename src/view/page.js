@@ -477,14 +477,15 @@ async function send(command) {
 $("pause").addEventListener("click", () => send(status.state === "paused" ? "resume" : "pause"));
 $("save").addEventListener("click", () => send("save"));
 let asked = -Infinity;
-$("stop").addEventListener("click", () => {
-  if (performance.now() - asked < 4000) {
+// The time of the click itself: on a busy machine it may be handled much later.
+$("stop").addEventListener("click", (event) => {
+  if (event.timeStamp - asked < 4000) {
     asked = -Infinity;
     $("stop").textContent = "Stop and save";
     send("stop");
     return;
   }
-  asked = performance.now();
+  asked = event.timeStamp;
   $("stop").textContent = "Really stop?";
   setTimeout(() => { $("stop").textContent = "Stop and save"; }, 4000);
 });

@@ -1,13 +1,17 @@
 //! Pages in a browser under real input: key and mouse events come from the browser, not from a script of the page.
 
 use std::fs::{File, OpenOptions};
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::{Value, json};
+
+/// Far longer than any wait here.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The browser on this machine.
 pub fn chromium() -> Option<PathBuf> {
@@ -19,8 +23,7 @@ pub fn chromium() -> Option<PathBuf> {
 pub struct Browser {
     process: Child,
     to: File,
-    from: File,
-    left: Vec<u8>,
+    from: Receiver<Vec<u8>>,
     calls: u64,
     /// The open page.
     session: Option<String>,
@@ -54,8 +57,8 @@ impl Browser {
             .spawn()
             .expect("a browser");
         let to = OpenOptions::new().write(true).open(pipe("to")).expect("a pipe");
-        let from = File::open(pipe("from")).expect("a pipe");
-        let mut browser = Self { process, to, from, left: Vec::new(), calls: 0, session: None, events: None };
+        let from = messages(File::open(pipe("from")).expect("a pipe"));
+        let mut browser = Self { process, to, from, calls: 0, session: None, events: None };
         let target = browser.call("Target.createTarget", json!({ "url": url }))["targetId"].clone();
         let attached = browser.call("Target.attachToTarget", json!({ "targetId": target, "flatten": true }));
         browser.session = Some(attached["sessionId"].as_str().expect("a session").to_owned());
@@ -86,16 +89,8 @@ impl Browser {
     }
 
     fn next(&mut self) -> Value {
-        loop {
-            if let Some(end) = self.left.iter().position(|byte| *byte == 0) {
-                let message: Vec<u8> = self.left.drain(..=end).collect();
-                return serde_json::from_slice(&message[..end]).expect("JSON");
-            }
-            let mut part = [0; 1 << 14];
-            let count = self.from.read(&mut part).expect("an answer");
-            assert!(count > 0, "the browser went away");
-            self.left.extend_from_slice(&part[..count]);
-        }
+        let message = self.from.recv_timeout(PATIENCE).expect("the browser went away or says nothing");
+        serde_json::from_slice(&message).expect("JSON")
     }
 
     /// Goes to another page and listens to what the page asks for, see [`Self::asked_for`].
@@ -140,7 +135,7 @@ impl Browser {
     pub fn until(&mut self, expression: &str) {
         let begun = Instant::now();
         while self.value(expression) != Value::Bool(true) {
-            assert!(begun.elapsed() < Duration::from_secs(60), "never: {expression}; {:?}", self.asked_for().1);
+            assert!(begun.elapsed() < PATIENCE, "never: {expression}; {:?}", self.asked_for().1);
             std::thread::sleep(Duration::from_millis(50));
         }
     }
@@ -205,6 +200,19 @@ impl Browser {
             fingers.iter().enumerate().map(|(id, [x, y])| json!({ "id": id, "x": x, "y": y })).collect();
         self.call("Input.dispatchTouchEvent", json!({ "type": kind, "touchPoints": points }));
     }
+}
+
+/// What a browser says, without the zero bytes. A thread reads, as a read from a pipe has no limit of time.
+fn messages(from: File) -> Receiver<Vec<u8>> {
+    let (said, heard) = channel();
+    std::thread::spawn(move || {
+        for message in BufReader::new(from).split(0).map_while(Result::ok) {
+            if said.send(message).is_err() {
+                return;
+            }
+        }
+    });
+    heard
 }
 
 impl Drop for Browser {

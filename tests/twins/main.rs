@@ -98,7 +98,7 @@ cases! {
     photograph_reduce: "photograph_reduce";
     plan: "plan" "finish";
     pool: "pool" "pool_backward";
-    probe: "probe_copy" "probe_rate_exp2" "probe_rate_multiply_add";
+    probe: "probe_copy" "probe_rate";
     project: "project" "project_half" "project_sparse";
     project_backward: "project_backward";
     project_backward_adam: "project_backward_adam";

@@ -1,7 +1,7 @@
 //! The probes: copies bit for bit, chains of operations that round alike with and without contraction, and exponentials
 //! that converge to one fixed point.
 
-use psrgs_vk::pass::probe::{COPY, COPY_GROUPS, CopyPush, EXP2, MULTIPLY_ADD, RatePush};
+use psrgs_vk::pass::probe::{COPY, COPY_GROUPS, CopyPush, RATE, RatePush};
 use psrgs_vk::scene::random::Random;
 use psrgs_vk::twin::probe::chains;
 use psrgs_vk::vk::Gpu;
@@ -20,17 +20,17 @@ fn copy(gpu: &Gpu) {
 fn rates(gpu: &Gpu) {
     for local in [8, 32] {
         for (turns, groups) in [(0, 1), (1, 3), (9, 2), (1000, 2)] {
-            let given = [("LOCAL_SIZE", local)];
+            let given = |exp2| [("LOCAL_SIZE", local), ("EXP2", exp2)];
             let threads = groups * local - 3;
             // With a power of two as factor the product is exact, so a fused multiply-add rounds like the two separate
             // operations.
             let push = RatePush { turns, threads, a: 0.5, b: 0.75 };
             let sums = [garbage(threads as usize + 8)];
             let what = format!("{turns} turns of {threads} threads");
-            let outcome = harness::run(gpu, &MULTIPLY_ADD, &given, &sums, &push, groups);
+            let outcome = harness::run(gpu, &RATE, &given(0), &sums, &push, groups);
             outcome.assert_same_bits(&format!("multiply-adds, {what}"));
 
-            let outcome = harness::run(gpu, &EXP2, &given, &sums, &push, groups);
+            let outcome = harness::run(gpu, &RATE, &given(1), &sums, &push, groups);
             let found = outcome.device::<f32>(0);
             for (t, sum) in found.iter().take(threads as usize).enumerate() {
                 // 2^-x converges to its fixed point, so errors of 2^-20 per exponential add up to less than 2^-19.
