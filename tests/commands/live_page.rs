@@ -457,6 +457,17 @@ fn hostile_names_of_photographs_are_text_on_the_page() {
     assert_eq!(page.end(), Some(0));
 }
 
+/// A training whose photographs are scored after each step is scoring most of the time.
+#[test]
+fn a_stop_that_comes_while_photographs_are_scored_is_kept() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let page = watched(shared, &folder.path().join("scored"), &["--iterations", "100000", "--eval-every", "1"]);
+    page.wait_for("some steps", |status| status["step"].as_u64() > Some(3));
+    page.post("/stop");
+    assert_eq!(page.ends(|| ()), Some(130));
+}
+
 #[test]
 fn a_training_is_paused_and_stopped_on_its_page() {
     let Some(shared) = shared() else { return };

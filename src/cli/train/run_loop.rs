@@ -23,12 +23,13 @@ pub(super) fn follow(
     let iterations = trainer.schedule().iterations;
     let mut progress = Progress::new(console, done, iterations).with_stages(trainer.schedule().low_until);
     let mut seconds = 0.0;
+    // A page may ask with any message; the training ends after a step.
+    let mut stopped_on_page = false;
     while let Some(message) = trainer.next_message()? {
         tell(&message, &mut progress);
-        let stopped_on_page = match &mut page {
-            Some(page) => page.hear(&message, trainer, gpu, interrupt)? == Wish::Stop,
-            None => false,
-        };
+        if let Some(page) = &mut page {
+            stopped_on_page |= page.hear(&message, trainer, gpu, interrupt)? == Wish::Stop;
+        }
         match message {
             Message::Step { step, seconds: now, .. } => {
                 seconds = now;
