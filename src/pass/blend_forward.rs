@@ -63,20 +63,7 @@ pub fn state_floats(tiles: u64, chunks: u32, aux: bool) -> u64 {
 const WEIGHTS: Constant = Constant { id: 5, name: "WEIGHTS", default: 0 };
 
 /// The pass uses `aux` and `normals` only with AUX, `pair_counts` only with COUNT, and `weights` (bits of floats, which
-/// only grow) only with WEIGHTS. All are bound in any case.
-const BINDINGS: &[Binding] = &[
-    read("splat2d"),
-    read("normals"),
-    read("sorted_splats"),
-    read("tile_ranges"),
-    write("image"),
-    write("aux"),
-    write("last"),
-    read_write("pair_counts"),
-    read_write("weights"),
-];
-
-/// As [`BINDINGS`], with `masks`, used only with MASKS, and `states`, used only with CHUNKS above 1.
+/// only grow) only with WEIGHTS, `masks` only with MASKS, and `states` only with CHUNKS above 1. All are bound in any case.
 const PIXEL_BINDINGS: &[Binding] = &[
     read("splat2d"),
     read("normals"),
@@ -90,6 +77,9 @@ const PIXEL_BINDINGS: &[Binding] = &[
     write("masks"),
     read_write("states"),
 ];
+
+/// Without masks and states.
+const BINDINGS: &[Binding] = PIXEL_BINDINGS.split_at(PIXEL_BINDINGS.len() - 2).0;
 
 const fn pass(name: &'static str, local_size: u32, doc: &'static str) -> Pass {
     Pass {

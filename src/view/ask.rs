@@ -1,5 +1,7 @@
 //! What a page asks for: pictures and points.
 
+use glam::{DMat3, DQuat};
+
 use super::http::Request;
 use super::scene_info::SceneInfo;
 use crate::raster::{Look, Part, Style};
@@ -156,7 +158,9 @@ impl Pose {
                 Some(camera.resized(sized(camera.width), sized(camera.height)))
             }
             Self::Free { position, rotation, focal } => {
-                let to_camera = transposed(matrix(*rotation));
+                let [w, x, y, z] = *rotation;
+                // Columns of the rotation to the scene are rows of the rotation to the camera.
+                let to_camera = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w)).to_cols_array_2d();
                 let focal = focal * f64::from(height);
                 Some(Camera {
                     rotation: to_camera,
@@ -183,19 +187,6 @@ fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
 fn size(request: &Request) -> Option<(u32, u32)> {
     let side = |key| request.value(key)?.parse().ok().filter(|v| (1..=MOST_SIDE).contains(v));
     Some((side("w")?, side("h")?))
-}
-
-/// The rotation matrix of a unit quaternion (w, x, y, z).
-fn matrix([w, x, y, z]: [f64; 4]) -> [[f64; 3]; 3] {
-    [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-    ]
-}
-
-fn transposed(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
-    std::array::from_fn(|i| std::array::from_fn(|j| m[j][i]))
 }
 
 #[cfg(test)]
