@@ -18,16 +18,22 @@ layout(push_constant) uniform Push {
 const uint CHAINS = 8u;
 const uint UNROLL = 8u;
 
+#define TURNS(operation) \
+    for (uint turn = 0u; turn < push.turns; ++turn) { \
+        [[unroll]] for (uint u = 0u; u < UNROLL; ++u) { \
+            [[unroll]] for (uint j = 0u; j < CHAINS; ++j) x[j] = operation; \
+        } \
+    }
+
 void main() {
     const uint thread = global_index();
     float x[CHAINS];
     [[unroll]] for (uint j = 0u; j < CHAINS; ++j) x[j] = float((thread + j) % 16u) * 0.0625;
-    for (uint turn = 0u; turn < push.turns; ++turn) {
-        [[unroll]] for (uint u = 0u; u < UNROLL; ++u) {
-            [[unroll]] for (uint j = 0u; j < CHAINS; ++j) {
-                x[j] = EXP2 != 0u ? exp2(-x[j]) : x[j] * push.a + push.b;
-            }
-        }
+    // The choice stands outside of the loops: a compiler that keeps it must not keep it in every operation.
+    if (EXP2 != 0u) {
+        TURNS(exp2(-x[j]))
+    } else {
+        TURNS(x[j] * push.a + push.b)
     }
     float sum = 0.0;
     [[unroll]] for (uint j = 0u; j < CHAINS; ++j) sum += x[j];
