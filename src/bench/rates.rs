@@ -101,7 +101,7 @@ fn copies(gpu: &Gpu, bytes: u64) -> Result<[f64; 2], Error> {
     Ok([speed(kernel), speed(buffer)])
 }
 
-/// Rate of the operations of a probe, 10^9 per second.
+/// Rate of the operations of a probe, 10^9 per second: exponentials where `exp2` is 1, multiply-adds where it is 0.
 fn calculations(gpu: &Gpu, (local_size, exp2): (u32, u32), step: fn(f64) -> f64) -> Result<f64, Error> {
     let pipeline = gpu.pipeline(&probe::RATE.kernel, &[("LOCAL_SIZE", local_size), ("EXP2", exp2)])?;
     let sums = gpu.buffer("probe_sums", 4 * u64::from(local_size), Memory::Device)?;
