@@ -489,7 +489,9 @@ fn page_works_in_a_browser() {
     let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("report");
     std::fs::create_dir_all(&dir).unwrap();
     let path = dir.join("report.html");
-    write_report(&example(3, 320), &path).unwrap();
+    let mut data = example(3, 320);
+    data.metrics.images[0].name = "IMG_161122_163234_0000_RGB.jpg".into();
+    write_report(&data, &path).unwrap();
     let probe = r#"<script>
 const range = document.querySelector(".stage input");
 range.focus();
@@ -501,7 +503,13 @@ const chart = document.querySelector(".chart svg");
 const box = chart.getBoundingClientRect();
 chart.dispatchEvent(new PointerEvent("pointermove", { clientX: box.left + 5, clientY: box.top + 50 }));
 const splats = document.querySelectorAll(".chart .reading")[2].textContent;
+const lines = (cell) => {
+  const range = document.createRange();
+  range.selectNodeContents(cell);
+  return range.getClientRects().length;
+};
 const found = {
+  names: Math.max(...[...document.querySelectorAll(".tables .scores tbody th")].map(lines)),
   focused: document.activeElement === range,
   share: stage.style.getPropertyValue("--share"),
   spoken: range.getAttribute("aria-valuetext"),
@@ -523,6 +531,7 @@ document.body.dataset.found = JSON.stringify(found);
         assert!(!log.contains("CONSOLE"), "{log}");
         let found = document.split_once("data-found=\"").unwrap().1.split_once('"').unwrap().0.replace("&quot;", "\"");
         let found: serde_json::Value = serde_json::from_str(&found).unwrap();
+        assert!(found["names"].as_u64().unwrap() <= 2, "a name takes more than two lines at {width} px: {found}");
         assert_eq!(found["focused"], true, "{found}");
         assert_eq!(found["share"], "70%", "{found}");
         assert_eq!(found["spoken"], "70 % photograph, the rest depth", "{found}");

@@ -120,9 +120,9 @@ pub(super) fn scores(m: &Metrics) -> String {
     let lpips = if with_lpips { "<th scope=\"col\" class=\"number\">LPIPS</th>" } else { "" };
     format!(
         "<table class=\"scores\"><caption>Each held-out view</caption><thead><tr><th scope=\"col\">View</th>\
-         <th scope=\"col\" class=\"number\">PSNR, dB</th><td class=\"bar-head\"></td><th scope=\"col\" class=\"number\">colours fitted</th>\
-         <th scope=\"col\" class=\"number\">SSIM</th>\
-         {lpips}</tr></thead><tbody>{body}</tbody></table>"
+         <th scope=\"col\" class=\"number\">PSNR, dB</th><td class=\"bar\"></td>\
+         <th scope=\"col\" class=\"number\">colours fitted</th>\
+         <th scope=\"col\" class=\"number\">SSIM</th>{lpips}</tr></thead><tbody>{body}</tbody></table>"
     )
 }
 

@@ -26,8 +26,8 @@ pub(super) fn table(photographs: &[TrainingPhotograph]) -> String {
     // What was left out, and what stands out, is always shown.
     let shown = SHOWN.max(left_out.len() + odd.len()).min(rows.len());
     let (first, rest) = rows.split_at(shown);
-    let head = "<thead><tr><th scope=\"col\">Photograph</th><th scope=\"col\" class=\"number\">Loss</th><td class=\"bar-head\"></td>\
-                <th scope=\"col\"></th></tr></thead>";
+    let head = "<thead><tr><th scope=\"col\">Photograph</th><th scope=\"col\" class=\"number\">Loss</th>\
+                <td class=\"bar\"></td><th scope=\"col\"></th></tr></thead>";
     let more = match rest.len() {
         0 => String::new(),
         n => format!(
