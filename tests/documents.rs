@@ -303,6 +303,52 @@ fn tables_of_the_results_page_are_those_of_the_kept_rows() {
     assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
 }
 
+/// The anchors of a document: headings as GitHub spells them, and `id="..."`.
+fn anchors(text: &str) -> Vec<String> {
+    let mut in_code = false;
+    let mut found: Vec<String> =
+        text.split("id=\"").skip(1).filter_map(|rest| rest.split_once('"').map(|(id, _)| id.to_owned())).collect();
+    for line in text.lines() {
+        in_code ^= line.starts_with("```");
+        let heading = line.trim_start_matches('#');
+        if in_code || heading.len() == line.len() || !heading.starts_with(' ') {
+            continue;
+        }
+        // What stands in angle brackets is markup.
+        let shown: String = heading.split('<').enumerate().fold(String::new(), |shown, (k, part)| {
+            shown + if k == 0 { part } else { part.split_once('>').map_or(part, |(_, after)| after) }
+        });
+        let kept = shown.trim().to_lowercase().replace(' ', "-");
+        found.push(kept.chars().filter(|c| c.is_alphanumeric() || *c == '-' || *c == '_').collect());
+    }
+    found
+}
+
+#[test]
+fn links_between_documents_lead_to_files_and_headings() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut documents = vec![(root.join("README.md"), fs::read_to_string(root.join("README.md")).unwrap())];
+    documents.push((root.join("CHANGELOG.md"), fs::read_to_string(root.join("CHANGELOG.md")).unwrap()));
+    sources(&root.join("docs"), "md", &mut documents);
+    let mut followed = 0;
+    for (path, text) in &documents {
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            if link.contains("://") || link.starts_with("mailto:") {
+                continue;
+            }
+            let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = if file.is_empty() { path.clone() } else { path.parent().unwrap().join(file) };
+            assert!(target.exists(), "{}: no file at {link}", path.display());
+            if !anchor.is_empty() && target.extension().is_some_and(|ending| ending == "md") {
+                let there = anchors(&fs::read_to_string(&target).unwrap());
+                assert!(there.iter().any(|name| name == anchor), "{}: no heading at {link}", path.display());
+            }
+            followed += 1;
+        }
+    }
+    assert!(followed > 100, "{followed} links found in the documents");
+}
+
 /// The drivers are unpacked by `tools/bench/offline-gpu --fetch` into `target/offline-gpu`, or lie in
 /// `$PSRGS_OFFLINE_GPU`.
 #[test]

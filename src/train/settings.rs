@@ -37,8 +37,8 @@ group! {
     /// The method, its steps and their schedule.
     pub struct Run("Run")
     options {
-        /// Train by this method: psrgs is the best; 3dgs, absgs, gspro, rsgs and mcmc are published ones to compare
-        /// with
+        /// Train by this method: psrgs makes sharp models of few splats; 3dgs, absgs, gspro, rsgs and mcmc are published
+        /// ones to compare with
         #[arg(value_name = "METHOD", help_heading = MOST_USED, display_order = 3)]
         pub method: Method = Method::Reference3dgs,
         /// Take N training steps; a step looks at one photograph. More show finer texture. Where neither N nor
