@@ -129,6 +129,21 @@ fn blocks_of_a_flight_have_equal_work_and_their_own_photographs() {
     assert_eq!(blocks::model_sha256(&scene.dataset).expect("files"), planned.file.dataset.model_sha256);
 }
 
+/// The plan has the records of photographs in its blocks, so the coarse model has none but those.
+#[test]
+fn photographs_that_see_no_point_are_in_no_part_of_a_plan() {
+    let Some(gpu) = common::gpu() else { return };
+    let sides = [60.0, 40.0];
+    let mut centers = rows(sides, 4.0);
+    // Beside the site; the first one is held out.
+    centers.extend([[67.0, 20.0, 10.0], [67.0, 22.0, 10.0]]);
+    let planned = planned(&gpu, &flight(&centers, &ground(3000, sides)), 4);
+    let global: BTreeSet<&str> = planned.file.global.photographs.iter().map(String::as_str).collect();
+    assert_eq!(planned.blind, 1);
+    assert!(!global.contains("p0177.png") && global.contains("p0175.png"), "{global:?}");
+    assert_eq!(global, names(&planned.file));
+}
+
 #[test]
 fn a_photograph_or_mask_that_has_changed_is_found() {
     let Some(gpu) = common::gpu() else { return };

@@ -262,6 +262,14 @@ fn a_settings_file_is_complete_and_a_preset_option_overrides_it() {
     assert_eq!(chosen(own, &[]), (500, 900, true));
     assert_eq!(chosen(own, &["--preset", "standard"]), (1600, 30_000, false));
     assert_eq!(chosen(own, &["--preset", "standard", "--max-side", "77"]), (77, 30_000, false));
+    // Everything else of the file stays.
+    let own = "[run]\nmethod = \"3dgs\"\n[optimiser]\nlambda-dssim = 0.11\n";
+    let file = write(folder.path(), "my.toml", own);
+    for preset in [&[][..], &["--preset", "quick"], &["--preset", "standard"]] {
+        let got = settings(&[&["fox", "--config", &file], preset].concat());
+        assert_eq!(got["run"]["method"].as_str(), Some("3dgs"), "{preset:?}");
+        assert_eq!(got["optimiser"]["lambda-dssim"].as_float(), Some(0.11), "{preset:?}");
+    }
 }
 
 #[test]
@@ -375,6 +383,23 @@ fn a_resumed_run_keeps_what_its_steps_depend_on() {
     fails(&["train", "--resume", run, "--iterations", "3000"], 2, &["--scale-schedule"]);
     write(folder.path(), "settings.toml", "data = \"/fox\"\n[texture]\nlambda-perceptual = 0.1\n");
     fails(&["train", "--resume", run, "--perceptual-weights", "/elsewhere"], 2, &["settings of the run"]);
+    // A path is the same however it is spelled.
+    let here = std::env::current_dir().expect("a folder").join("weights");
+    let text =
+        format!("data = \"/fox\"\n[texture]\nlambda-perceptual = 0.1\n[scoring]\nperceptual-weights = {here:?}\n");
+    write(folder.path(), "settings.toml", &text);
+    settings(&["--resume", run, "--perceptual-weights", "weights"]);
+}
+
+#[test]
+fn an_address_in_use_costs_nothing_of_an_earlier_run() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = write(folder.path(), "settings.toml", "");
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    let port = taken.local_addr().expect("an address").port().to_string();
+    let out = folder.path().to_str().expect("UTF-8");
+    fails(&["train", "fox", "--out", out, "--overwrite", "--view", &port], 2, &[&port, "in use"]);
+    assert_eq!(std::fs::read_to_string(file).expect("it is still there"), "");
 }
 
 #[test]

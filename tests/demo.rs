@@ -90,6 +90,19 @@ fn median(values: &[f64]) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
+/// Growth near a cloud takes the laser scan of the scene.
+#[test]
+fn a_demo_of_rsgs_grows_near_the_scan_of_its_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("demo");
+    let args = ["--method", "rsgs", "--images", "4", "--max-side", "32", "--extent", "30", "--iterations", "3"];
+    if demo(&out, &args).is_none() {
+        return;
+    }
+    let settings = std::fs::read_to_string(out.join("trained/settings.toml")).unwrap();
+    assert!(settings.contains("lidar.las"), "{settings}");
+}
+
 /// The focal length is 0.9 * 128 = 115 pixels, and neighbouring vertical photographs are about 0.37 of the height
 /// apart. So a pixel of disparity is 1 / (115 * 0.37) = 2.3 % of the depth. The median error is held to two pixels of
 /// disparity. Measured at this size are 1.5 pixels: the rendered depth is a mean over splats that are still half

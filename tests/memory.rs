@@ -2,9 +2,14 @@
 
 mod common;
 
+use std::path::Path;
+
 use common::plane_scene;
 use psrgs_vk::format::checkpoint;
-use psrgs_vk::train::{Checkpointed, Error, Input, MemoryPlan, Message, Pacing, Settings, Trainer, chosen_variants};
+use psrgs_vk::train::settings::{Gate, Growth, SigmaLearning};
+use psrgs_vk::train::{
+    Checkpointed, Error, Input, MemoryPlan, Message, Pacing, Settings, Trainer, chosen_variants, shares_memory,
+};
 use psrgs_vk::vk::{self, Gpu, Memory};
 
 fn settings(steps: u32) -> Settings {
@@ -66,6 +71,26 @@ fn a_training_takes_what_was_planned() {
         assert!(taken as f64 >= 0.7 * plan.at_start as f64, "{taken} bytes, planned {}", plan.at_start);
     }
     assert_eq!(plan(&gpu, &input, &settings(2), Pacing::default()).photographs, (3, 3 * 4 * 96 * 80 + canaries(&gpu)));
+}
+
+#[test]
+fn renders_that_sigma_is_learned_from_are_planned() {
+    let Some(gpu) = common::gpu() else { return };
+    if !shares_memory(&gpu) {
+        return;
+    }
+    let input = plane_scene::input(3, 96, 80, 300);
+    let planned = |how: SigmaLearning| {
+        let mut settings = settings(2);
+        settings.frequencies.gate = Gate::Spectral;
+        settings.frequencies.sigma_learning = how;
+        plan(&gpu, &input, &settings, Pacing::default()).at_start
+    };
+    // Two steps are in flight at least.
+    let renders = 2 * 16 * 96 * 80;
+    let [off, errors, composite] = [SigmaLearning::Off, SigmaLearning::Errors, SigmaLearning::Composite].map(planned);
+    assert!(errors >= off + renders, "{errors} and {off}, and the renders take {renders}");
+    assert!(composite >= off + 2 * renders, "{composite} and {off}, and the renders take {renders}");
 }
 
 /// Bytes of the guards behind three buffers; 0 without guards.
@@ -172,33 +197,80 @@ fn what_does_not_fit_at_all_is_refused_with_numbers() {
     }
 }
 
+/// Trains splats that swell until their pairs no longer fit. The error, the last step that was told, and the input.
+fn swollen(gpu: &Gpu, settings: &mut Settings, folder: &Path) -> Option<(Error, u32, Input)> {
+    let mut input = plane_scene::input(3, 256, 192, 2000);
+    settings.optimiser.lr_scales = 0.3;
+    // At this rate splats grow without bound and cover more and more tiles.
+    input.initial.scales.iter_mut().for_each(|s| *s -= 3.0);
+    let tight = Pacing { splat_capacity: 2000, pair_capacity: 9000, ..Pacing::default() };
+    let limit = plan(gpu, &input, settings, tight).at_start.next_multiple_of(1 << 20) + (1 << 19);
+    let gpu = limited(limit)?;
+    let pacing = Pacing { splat_capacity: 2000, pair_capacity: 4000, ..Pacing::default() };
+    let mut trainer = Trainer::new(&gpu, input.clone(), settings, pacing, None).expect("a training");
+    trainer.keep_checkpoints(folder);
+    let mut last = 0;
+    loop {
+        match trainer.next_message() {
+            Ok(Some(Message::Step { step, .. })) => last = step,
+            Ok(Some(_)) => {}
+            Ok(None) => panic!("everything fitted"),
+            Err(error) => {
+                println!("{error}");
+                return Some((error, last, input));
+            }
+        }
+    }
+}
+
+/// The model of a relocation is none of a whole step. It is not saved, and the error comes all the same.
+#[test]
+fn pairs_that_do_not_fit_after_a_relocation_end_it_too() {
+    let Some(gpu) = common::gpu() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut settings = settings(60);
+    settings.density.growth = Growth::Relocated;
+    settings.density.densify_interval = 1;
+    settings.density.max_splats = Some(2000);
+    let Some((error, _, _)) = swollen(&gpu, &mut settings, folder.path()) else { return };
+    assert!(matches!(error, Error::MemoryLimit { saved: None, .. }), "{error}");
+    assert!(checkpoint::latest(folder.path()).expect("readable").is_none());
+}
+
+/// Relocation grows a model too, and says where memory has ended that.
+#[test]
+fn relocation_that_memory_stops_says_so() {
+    let Some(gpu) = common::gpu() else { return };
+    let input = plane_scene::input(3, 64, 48, 400);
+    let mut settings = settings(30);
+    settings.density.growth = Growth::Relocated;
+    settings.density.relocate_growth = 0.5;
+    settings.density.max_splats = Some(100_000);
+    let pacing = Pacing { splat_capacity: 1500, pair_capacity: 8 * 1500, ..Pacing::default() };
+    let limit = plan(&gpu, &input, &settings, pacing).at_start + (1 << 20);
+    let Some(gpu) = limited(limit) else { return };
+    let start = Pacing { splat_capacity: 450, ..Pacing::default() };
+    let mut trainer = Trainer::new(&gpu, input, &settings, start, None).expect("a training");
+    let (mut told, mut most) = (Vec::new(), 0);
+    while let Some(message) = trainer.next_message().expect("training goes on") {
+        match message {
+            Message::Warning(text) if text.contains("growth stops") => told.push(text),
+            Message::Step { splats, .. } => most = splats.max(most),
+            _ => {}
+        }
+    }
+    assert_eq!(told.len(), 1, "{told:?}, {most} splats");
+    assert!(told[0].contains(&psrgs_vk::numbers::grouped(most)), "{}, {most} splats", told[0]);
+}
+
 /// Splats swell until their pairs no longer fit: the training ends with an error and a state to resume from.
 #[test]
 fn pairs_that_do_not_fit_end_the_training_with_a_checkpoint() {
     let Some(gpu) = common::gpu() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let mut input = plane_scene::input(3, 256, 192, 2000);
     let mut settings = settings(60);
     settings.density.no_densify = true;
-    settings.optimiser.lr_scales = 0.3;
-    // At this rate splats grow without bound and cover more and more tiles.
-    input.initial.scales.iter_mut().for_each(|s| *s -= 3.0);
-    let tight = Pacing { splat_capacity: 2000, pair_capacity: 9000, ..Pacing::default() };
-    let limit = plan(&gpu, &input, &settings, tight).at_start.next_multiple_of(1 << 20) + (1 << 19);
-    let Some(gpu) = limited(limit) else { return };
-    let pacing = Pacing { splat_capacity: 2000, pair_capacity: 4000, ..Pacing::default() };
-    let mut trainer = Trainer::new(&gpu, input.clone(), &settings, pacing, None).expect("a training");
-    trainer.keep_checkpoints(folder.path());
-    let mut last = 0;
-    let error = loop {
-        match trainer.next_message() {
-            Ok(Some(Message::Step { step, .. })) => last = step,
-            Ok(Some(_)) => {}
-            Ok(None) => panic!("everything fitted"),
-            Err(error) => break error,
-        }
-    };
-    println!("{error}");
+    let Some((error, last, input)) = swollen(&gpu, &mut settings, folder.path()) else { return };
     let Error::MemoryLimit { what, wanted, needed, room, saved: Some(file), .. } = &error else {
         panic!("{error}");
     };

@@ -511,3 +511,16 @@ fn a_stage_of_all_steps_goes_on_with_more_steps() {
     assert_eq!(again(0.5, 40, 60), None);
     assert_eq!(again(1.0, 40, 100), None);
 }
+
+/// A reset or a relocation makes splats fainter than the alpha cutoff of early steps: they would not come back.
+#[test]
+fn early_steps_hide_no_splats_that_are_made_faint() {
+    let first = |change: &dyn Fn(&mut Settings)| {
+        let mut settings = Settings::of_method(Method::Psrgs);
+        change(&mut settings);
+        Schedule::new(&settings, 30).step(1).alpha_cutoff
+    };
+    assert_eq!(first(&|_| ()), Some(64));
+    assert_eq!(first(&|s| s.density.opacity_reset_interval = 3000), None);
+    assert_eq!(first(&|s| s.density.growth = Growth::Relocated), None);
+}

@@ -82,7 +82,7 @@ pub fn plan(gpu: &Gpu, request: &PlanRequest<'_>) -> Result<Planned, Error> {
     if !(total.is_finite() && total > 0.0) {
         return Err(nowhere());
     }
-    let global = global(dataset, settings, total);
+    let mut global = global(dataset, settings, total);
     let memory = Memory::new(gpu, dataset, settings, u64::from(global.max_splats))?;
     let cut = Cut { surface: &surface, memory: &memory, margin: request.margin, views: dataset.views.len() };
     let parts = match request.count {
@@ -93,6 +93,9 @@ pub fn plan(gpu: &Gpu, request: &PlanRequest<'_>) -> Result<Planned, Error> {
     let mut used = vec![false; dataset.views.len()];
     chosen.iter().for_each(|(view, _)| used[*view as usize] = true);
     let blind = dataset.views_of(Role::Train).filter(|(at, _)| !used[*at]).count();
+    // Photographs are recorded with blocks, so the coarse model has those alone.
+    let in_blocks = dataset.views_of(Role::Train).filter(|(at, _)| used[*at]);
+    global.photographs = in_blocks.map(|(_, view)| view.name.clone()).collect();
     let records = photographs(dataset, &used, &request.share)?;
     let photographs = dataset.views_of(Role::Train).count();
     let steps = |count: usize| {
@@ -290,7 +293,7 @@ fn global(dataset: &Dataset, settings: &Settings, splats: f64) -> GlobalModel {
     let full = full.unwrap_or(1).min(settings.photographs.max_side);
     let side = (full / COARSE_SIDE.0).max(COARSE_SIDE.1.min(full));
     GlobalModel {
-        photographs: dataset.views_of(Role::Train).map(|(_, view)| view.name.clone()).collect(),
+        photographs: Vec::new(),
         max_side: side.max(1),
         steps: ((COARSE_STEPS * f64::from(settings.run.iterations)).ceil() as u32).max(1),
         max_splats: most,

@@ -143,6 +143,11 @@ fn runs(args: &Args) -> anyhow::Result<Vec<Run>> {
         if let Some(row) = rows.iter().find(|row| rows::sets(&row.options, "max-splats")) {
             return Err(rows::in_row(&row.label, &"--percent limits its splats, so that max-splats cannot").into());
         }
+        if rows::sets(&args.options, "max-splats") {
+            let text =
+                "--percent limits the splats of all runs but those of 3dgs: leave --max-splats out of the options";
+            return Err(Failure::Usage(text.into()).into());
+        }
     }
     if args.split == Split::None {
         return Err(Failure::Usage("--split none: nothing is held out that methods could be compared by".into()).into());

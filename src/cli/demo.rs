@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use psrgs_vk::train::Settings;
-use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice, HostChoice, Method, SteppingVariants};
-use psrgs_vk::world::{Stage, Summary, WorldParams, generate};
+use psrgs_vk::train::settings::{BlendingVariants, DeviceChoice, HostChoice, LidarCloud, Method, SteppingVariants};
+use psrgs_vk::world::{LIDAR_FILE, Stage, Summary, WorldParams, generate};
 
 use super::console::Console;
 use super::demo_world::WorldArgs;
@@ -68,6 +68,8 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console, started
         // Fails before the minutes that the scene takes.
         device::probe(&args.device)?;
     }
+    // A scene takes minutes: settings that cannot be fail before.
+    let settings = settings(args, params.seed)?;
     make(args, &params, console)?;
     if args.no_train {
         return Ok(());
@@ -75,7 +77,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console, started
     let out = args.out.join(TRAINED);
     train::train(
         &train::RunPlan {
-            settings: settings(args, params.seed)?,
+            settings,
             out: out.clone(),
             resume: false,
             overwrite: true,
@@ -139,6 +141,9 @@ fn settings(args: &Args, seed: u64) -> anyhow::Result<Settings> {
     settings.host = args.host.clone();
     settings.blending = args.blending.clone();
     settings.stepping = args.stepping.clone();
+    if args.method == Method::Rsgs {
+        settings.density.lidar = Some(LidarCloud::File(std::path::absolute(args.out.join(LIDAR_FILE))?));
+    }
     args.method.apply(&mut settings, |key| ["max-splats", "iterations"].contains(&key));
     settings.check()?;
     Ok(settings)

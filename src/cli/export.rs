@@ -94,8 +94,8 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let model = ModelFile::read(&args.model, false, &args.scene.frame, args.files.strict, console)?;
     let dataset = args.cameras.as_deref().map(|folder| scores::dataset(args, folder)).transpose()?;
     let up = up(args, &model, dataset.as_ref())?;
-    let chosen = chosen(args, model.model(), console)?;
-    let turned = Turned::new(&chosen, args.center, up);
+    let chosen = chosen(args, &model, console)?;
+    let turned = Turned::new(&chosen, &model.from_dataset(), args.center, up);
     let map = map_frame::of_model(&args.model, &args.scene.frame, console);
     make_folders(args, &files)?;
     let degree = args.sh_degree.unwrap_or(3).min(chosen.sh_degree);
@@ -110,7 +110,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
             let before = Instant::now();
             let again = splats::read_placed(&row.file, args.files.strict)?;
             row.seconds_read = Some(before.elapsed().as_secs_f64());
-            row.lost(&original, &scorer.score(&model.with_model(again.model))?);
+            row.lost(&original, &scorer.score(&model.in_dataset(again.model))?);
         }
     }
     console::print(&scores::table(&rows))?;
@@ -168,13 +168,13 @@ fn make_folders(args: &Args, files: &[(Format, PathBuf)]) -> anyhow::Result<()> 
 }
 
 /// The model with the splats that the options leave.
-fn chosen(args: &Args, model: &ply::Model, console: &Console) -> Result<ply::Model, Failure> {
+fn chosen(args: &Args, model: &ModelFile, console: &Console) -> Result<ply::Model, Failure> {
     let choice = Choice {
         within: args.crop.map(|crop| (crop.low, crop.high)),
         least_opacity: args.keep_opacity,
         most: args.max_splats.map(|most| most as usize),
     };
-    let chosen = choice.of(model);
+    let (chosen, model) = (choice.of(model.model(), &model.from_dataset().inverse()), model.model());
     let (kept, all) = (chosen.gaussians.len(), model.gaussians.len());
     if kept == 0 && all > 0 {
         return Err(Failure::Usage(format!(

@@ -69,6 +69,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
         return Err(Failure::Input(text).into());
     }
     std::fs::create_dir_all(&args.out).with_context(|| Failure::Output(args.out.display().to_string()))?;
+    keep_model(args)?;
     atomic::check(&args.out.join("tileset.json"))?;
     let degree = args.sh_degree.unwrap_or(3).min(model.model().sh_degree);
     match args.format {
@@ -77,6 +78,17 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
         Form::Sog => sog(args, &model, degree, console)?,
     }
     console.say(format_args!("written in {} s", fraction(before.elapsed().as_secs_f64(), 1)));
+    Ok(())
+}
+
+/// Refuses a model that is a file of the set in the folder to write: the set is replaced.
+fn keep_model(args: &Args) -> Result<(), Failure> {
+    let (Ok(model), Ok(out)) = (args.model.canonicalize(), args.out.canonicalize()) else { return Ok(()) };
+    let ending = if args.format == Form::Sog { "json" } else { "glb" };
+    if model.starts_with(&out) && model.extension().is_some_and(|own| own == ending) {
+        let text = format!("{}: the model lies in the folder of --out, whose files are replaced", args.model.display());
+        return Err(Failure::Usage(format!("{text}; choose another folder")));
+    }
     Ok(())
 }
 

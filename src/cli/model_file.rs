@@ -9,7 +9,7 @@ use psrgs_vk::map::SurfaceModel;
 use psrgs_vk::numbers::counted;
 use psrgs_vk::pass::camera::Projection;
 use psrgs_vk::raster::{DepthProbe, Look, NamedVariants, Picture, Planes, RenderView, Shown, Variants, Viewer};
-use psrgs_vk::scene::{Camera, Frame, Gaussians};
+use psrgs_vk::scene::{Camera, Frame, Gaussians, Similarity};
 use psrgs_vk::train::settings::BlendingVariants;
 use psrgs_vk::vk::{self, Buffer, Gpu};
 
@@ -164,6 +164,30 @@ impl ModelFile {
         let projection =
             Projection { sh_degree: self.model.sh_degree, antialias: self.antialias, ..Projection::default() };
         Ok(SurfaceModel { viewer, planes, splats: self.splats() as u32, projection, frame: *frame })
+    }
+
+    /// A scene in the dataset's units whose origin is near the splats: f32 is exact there, also far from the dataset's
+    /// origin.
+    pub(crate) fn frame_of_its_own(&self) -> Frame {
+        let offset = match &self.frame {
+            ModelFrame::Dataset { .. } => self.model.shift,
+            ModelFrame::Other { to_dataset, .. } => to_dataset.point(self.model.shift),
+        };
+        Frame { offset, scale: 1.0 }
+    }
+
+    /// From the dataset's coordinates to those of the model, [`ply::Model::shift`] added.
+    pub(crate) fn from_dataset(&self) -> Similarity {
+        match &self.frame {
+            ModelFrame::Dataset { .. } => Similarity::IDENTITY,
+            ModelFrame::Other { to_dataset, .. } => to_dataset.inverse(),
+        }
+    }
+
+    /// A model in the dataset's coordinates less its shift.
+    pub(crate) fn in_dataset(&self, model: ply::Model) -> Self {
+        let frame = ModelFrame::Dataset { offset: model.shift, known_from: "by the file beside it" };
+        Self { model, frame, bytes: self.bytes, antialias: self.antialias }
     }
 
     /// The splats in the coordinates of a scene.

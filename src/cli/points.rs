@@ -178,7 +178,11 @@ fn beside(file: &Path, args: &Args, console: &Console) -> anyhow::Result<Georefe
             console.say(format_args!("map: none is known, so the coordinates are the dataset's; else --cameras DATA"))
         }
     }
-    Ok(known.map_or_else(Georeference::local, |(found, _)| found))
+    let found = known.map_or_else(Georeference::local, |(found, _)| found);
+    Ok(match args.geo.heights {
+        VerticalDatum::Ellipsoid => found,
+        VerticalDatum::Stated { .. } => found.with_heights(args.geo.heights.clone()),
+    })
 }
 
 fn write(
@@ -189,7 +193,7 @@ fn write(
     console: &Console,
 ) -> anyhow::Result<()> {
     let before = Instant::now();
-    let wkt = georeference.system().map(|system| system.wkt());
+    let wkt = georeference.system().map(|system| system.wkt_with_heights());
     let (step, offset) = steps(sample, wkt.is_some());
     let written = las::write(&args.out, &las::Coordinates { wkt: wkt.as_deref(), step, offset }, points)?;
     if written.left_out > 0 {

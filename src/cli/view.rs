@@ -61,7 +61,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt, console: &Console) -> anyh
     let model = args.look.read(&args.model, args.files.strict, console)?;
     let (frame, shots) = match &args.cameras {
         Some(data) => cameras(data, args, console)?,
-        None => (Frame::IDENTITY, Vec::new()),
+        None => (model.frame_of_its_own(), Vec::new()),
     };
     let gpu = args.look.scene.open(console)?;
     let gaussians = model.in_scene(&frame);

@@ -125,5 +125,6 @@ pub(super) fn utm_code(text: &str) -> Option<u32> {
         (Some("WGS84"), None | Some("WGS84")) | (None, Some("WGS84"))
     );
     let south = words.get("south").is_some();
-    (words.get("proj") == Some("utm") && plain && wgs84).then_some(if south { 32_700 } else { 32_600 } + zone)
+    let metres = words.get("units").is_none_or(|unit| unit == "m") && words.get("to_meter").is_none();
+    (words.get("proj") == Some("utm") && plain && wgs84 && metres).then_some(if south { 32_700 } else { 32_600 } + zone)
 }

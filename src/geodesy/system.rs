@@ -192,6 +192,19 @@ impl ReferenceSystem {
         }
     }
 
+    /// The text for files with heights: with what heights are measured from, where that is not the ellipsoid.
+    pub fn wkt_with_heights(&self) -> String {
+        let VerticalDatum::Stated { name, epsg } = &self.vertical else { return self.wkt() };
+        let name = name.replace('"', "");
+        let code = epsg.map(|code| format!(",AUTHORITY[\"EPSG\",\"{code}\"]")).unwrap_or_default();
+        format!(
+            "COMPD_CS[\"{} + {name}\",{},VERT_CS[\"{name}\",VERT_DATUM[\"{name}\",2005],UNIT[\"metre\",1],\
+             AXIS[\"Up\",UP]{code}]]",
+            self.name.replace('"', ""),
+            self.wkt()
+        )
+    }
+
     /// What heights are measured from.
     pub fn vertical(&self) -> &VerticalDatum {
         &self.vertical
@@ -305,6 +318,8 @@ mod tests {
         for (text, want) in [
             ("EPSG:4326", "in degrees: choose a projected one, such as UTM"),
             ("EPSG:2263", "in metres, and this system is in other units"),
+            ("+proj=utm +zone=17 +datum=WGS84 +units=us-ft", "in metres, and this system is in other units"),
+            ("+proj=utm +zone=17 +datum=WGS84 +to_meter=0.3048", "in metres, and this system is in other units"),
             ("EPSG:25832+5783", "name the horizontal part alone (EPSG:25832)"),
             ("EPSG:5773", "vertical and compound systems are not taken"),
             ("EPSG:7415", "vertical and compound systems are not taken"),

@@ -64,6 +64,9 @@ impl StreamedSog<'_> {
     /// folder holds no model.
     pub fn write(&self, model: &Model, most: usize) -> Result<Streamed, Error> {
         let meta = self.file();
+        if meta.is_file() {
+            super::is_by_this_program(&meta, &std::fs::read(&meta).map_err(Error::io(&meta, "read"))?)?;
+        }
         atomic::remove(&meta)?;
         let most = most.max(1);
         let mut writer = Writer { set: self, model, most, levels: Default::default(), names: Vec::new() };

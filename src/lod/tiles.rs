@@ -1,5 +1,6 @@
 //! 3D Tiles 1.1: `tileset.json` and a glTF file for each tile.
 
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
@@ -64,17 +65,31 @@ impl TileSet<'_> {
 
     /// Removes what an earlier set has left in the folder.
     fn clear(&self) -> Result<(), Error> {
-        let is_ours = |name: &str| {
-            let number = name.strip_prefix("tile").and_then(|rest| rest.strip_suffix(".glb"));
-            name == TILESET || number.is_some_and(|number| number.bytes().all(|digit| digit.is_ascii_digit()))
+        self.earlier()?.iter().try_for_each(|file| std::fs::remove_file(file).map_err(Error::io(file, "remove")))
+    }
+
+    /// The files of an earlier set, which [`Self::write`] removes. A file of such a name by another program is an
+    /// error.
+    pub fn earlier(&self) -> Result<Vec<PathBuf>, Error> {
+        let is_tile = |name: &str| {
+            let path = name.strip_prefix("tile").and_then(|rest| rest.strip_suffix(".glb"));
+            path.is_some_and(|path| path.bytes().all(|child| child.is_ascii_digit()))
         };
+        let mut found = Vec::new();
         for entry in std::fs::read_dir(self.folder).map_err(Error::io(self.folder, "list"))? {
-            let entry = entry.map_err(Error::io(self.folder, "list"))?;
-            if is_ours(&entry.file_name().to_string_lossy()) {
-                std::fs::remove_file(entry.path()).map_err(Error::io(&entry.path(), "remove"))?;
-            }
+            let file = entry.map_err(Error::io(self.folder, "list"))?.path();
+            let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let head = if name == TILESET {
+                std::fs::read(&file).map_err(Error::io(&file, "read"))?
+            } else if is_tile(&name) {
+                gltf_head(&file)?
+            } else {
+                continue;
+            };
+            super::is_by_this_program(&file, &head)?;
+            found.push(file);
         }
-        Ok(())
+        Ok(found)
     }
 
     /// The file of the set.
@@ -123,6 +138,19 @@ impl TileSet<'_> {
 fn name(tile: &Tile) -> String {
     let path: Vec<String> = tile.path.iter().map(|k| k.to_string()).collect();
     format!("tile{}.glb", path.join(""))
+}
+
+/// The JSON of a binary glTF file; nothing where the file is no such file.
+fn gltf_head(file: &Path) -> Result<Vec<u8>, Error> {
+    let mut start = [0; 20];
+    let mut content = std::fs::File::open(file).map_err(Error::io(file, "open"))?;
+    if content.read_exact(&mut start).is_err() {
+        return Ok(Vec::new());
+    }
+    let length = u32::from_le_bytes([start[12], start[13], start[14], start[15]]);
+    let mut head = Vec::new();
+    content.take(length.into()).read_to_end(&mut head).map_err(Error::io(file, "read"))?;
+    Ok(head)
 }
 
 fn geometric_error(tile: Option<&Tile>) -> f64 {

@@ -1,6 +1,7 @@
 //! The first Gaussians of a training, from points.
 
 use std::num::NonZero;
+use std::ops::Range;
 
 use glam::{Quat, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -101,9 +102,10 @@ pub fn stretch(gaussians: &mut Gaussians, first: usize, along: &[([f32; 3], f64)
     }
 }
 
-/// Multiplies the standard deviations of the Gaussians from `first` on by a positive number.
-pub fn widen(gaussians: &mut Gaussians, first: usize, times: f64) {
-    gaussians.scales.iter_mut().skip(3 * first).for_each(|s| *s += times.ln() as f32);
+/// Multiplies the standard deviations of the Gaussians in `range` by a positive number.
+pub fn widen(gaussians: &mut Gaussians, range: Range<usize>, times: f64) {
+    let scales = gaussians.scales.iter_mut().take(3 * range.end).skip(3 * range.start);
+    scales.for_each(|s| *s += times.ln() as f32);
 }
 
 /// Gives the Gaussians from `first` on an opacity between 0 and 1.
@@ -238,10 +240,10 @@ mod tests {
         let mut out = from_points(&random_points(8), &Frame::IDENTITY).expect("points");
         let before = out.clone();
         make_opaque(&mut out, 3, 0.75);
-        widen(&mut out, 3, 0.5);
-        assert_eq!(out.scales[..9], before.scales[..9]);
+        widen(&mut out, 3..7, 0.5);
+        assert_eq!((&out.scales[..9], &out.scales[21..]), (&before.scales[..9], &before.scales[21..]));
         let narrower = |(now, then): (&f32, &f32)| (now - then - 0.5_f32.ln()).abs() < 1e-6;
-        assert!(out.scales[9..].iter().zip(&before.scales[9..]).all(narrower));
+        assert!(out.scales[9..21].iter().zip(&before.scales[9..21]).all(narrower));
         let opacity = |logit: f32| 1.0 / (1.0 + (-f64::from(logit)).exp());
         let all: Vec<f64> = out.opacities.iter().map(|o| opacity(*o)).collect();
         assert!(all[..3].iter().all(|o| (o - FIRST_OPACITY).abs() < 1e-7), "{all:?}");

@@ -128,6 +128,11 @@ impl Outline {
         views.iter().map(|(c, depth)| u64::from(c.width) * u64::from(c.height) * depth.bytes_per_pixel()).sum()
     }
 
+    /// Pixels of the largest view to train on.
+    pub fn most_pixels(&self) -> u64 {
+        self.train.iter().map(|(c, _)| u64::from(c.width) * u64::from(c.height)).max().unwrap_or(0)
+    }
+
     /// Bytes of the largest decoded photograph.
     pub fn largest(&self) -> u64 {
         self.train.iter().chain(&self.held_out).map(|view| Self::bytes(std::slice::from_ref(view))).max().unwrap_or(0)

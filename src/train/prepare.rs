@@ -174,11 +174,8 @@ pub fn first(dataset: &Dataset, settings: &Settings) -> Result<FirstModel, Error
     let most = settings.density.max_splats.map_or(usize::MAX, |most| most as usize);
     let kept: Vec<_> = spread(&points, most).into_iter().copied().collect();
     let mut splats = init::from_points(&kept, &dataset.frame)?;
-    let geometry = &settings.geometry;
-    init::make_opaque(&mut splats, 0, geometry.first_opacity);
-    if geometry.first_width != 1.0 {
-        splats.scales.iter_mut().for_each(|scale| *scale += geometry.first_width.ln() as f32);
-    }
+    init::make_opaque(&mut splats, 0, settings.geometry.first_opacity);
+    init::widen(&mut splats, 0..kept.len(), settings.geometry.first_width);
     let of_dataset = settings.run.init.is_none();
     let positions = || points.iter().map(|(position, _)| *position).collect();
     let uncoloured = colourless.map(|colourless| Uncoloured::new(colourless, positions(), of_dataset));

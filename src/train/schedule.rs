@@ -131,6 +131,7 @@ impl Schedule {
         let scaled = |steps: u32| (f64::from(steps) * s).round() as u32;
 
         let growth = Growth::new(settings, views, scaled);
+        let relocates = density.growth == settings::Growth::Relocated;
         let densify_until = growth.until;
         let prune_again = (PRUNE_AGAIN * f64::from(run.iterations)).round() as u32 + 1;
         let prune_large_after = if growth.reset_interval > 0 { growth.reset_interval } else { scaled(3000) };
@@ -159,7 +160,11 @@ impl Schedule {
                 true => (optimiser.binary_from * f64::from(run.iterations)).round() as u32,
                 false => u32::MAX,
             },
-            early: EarlyCutoff { until: early_until, cutoff: settings.shortcuts.early_cutoff },
+            early: EarlyCutoff {
+                // Splats that a reset or a relocation has made fainter than the cutoff would never be shown again.
+                until: if growth.reset_interval > 0 || relocates { 0 } else { early_until },
+                cutoff: settings.shortcuts.early_cutoff,
+            },
             geometry_every: settings.geometry.depth_every.max(1),
             geometry_left: settings.geometry.depth_left,
             gradients: Every::new(settings.texture.gradients_every, settings.texture.wants_gradients()),
@@ -192,7 +197,7 @@ impl Schedule {
                 (true, true) => 2 * scaled(settings.model.sh_interval).max(1),
             },
             densify: !settings.density.no_densify,
-            relocation: (density.growth == settings::Growth::Relocated).then(|| growth.share(density, s)),
+            relocation: relocates.then(|| growth.share(density, s)),
             background: settings.model.background,
             rates: RateSchedule::new(settings, lr_means_steps),
             lr_exposure: [optimiser.lr_exposure, optimiser.lr_exposure_final],

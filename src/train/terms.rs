@@ -16,8 +16,7 @@ use std::sync::Arc;
 
 use super::Error;
 use super::input::Input;
-use super::learning::sigma::SigmaTraining;
-use super::pacing::Pacing;
+use super::learning::sigma::{Landing, SigmaTraining, landings};
 use super::schedule::StepPlan;
 use super::settings::{Settings, SigmaLearning};
 use super::state::State;
@@ -79,6 +78,8 @@ pub(super) trait LossTerm {
 
 /// The terms of a training; `None` for terms that the settings leave out.
 pub(super) struct Terms {
+    /// Buffers of `sigma` until it is made.
+    landings: Vec<Landing>,
     /// Learns the width of the saliency filter.
     pub(super) sigma: Option<SigmaTraining>,
     constrained: Option<Constrained>,
@@ -108,7 +109,8 @@ macro_rules! in_order {
 }
 
 impl Terms {
-    /// For views of these cameras and room for `splats` splats; `deep` if some photographs have 16 bits per channel.
+    /// For views of these cameras and room for `splats` splats, with at most `in_flight` events in flight; `deep` if
+    /// some photographs have 16 bits per channel.
     /// [`Self::fill`] adds what depends on the photographs' contents.
     pub(super) fn allocate(
         gpu: &Gpu,
@@ -116,6 +118,7 @@ impl Terms {
         splats: u32,
         deep: bool,
         settings: &Settings,
+        in_flight: usize,
     ) -> Result<Self, Error> {
         let sizes: Vec<(u32, u32)> = cameras.iter().map(|c| (c.width, c.height)).collect();
         let texture = &settings.texture;
@@ -129,7 +132,9 @@ impl Terms {
         };
         let geometry =
             settings.geometry.has_loss().then(|| Geometry::new(gpu, cameras, &settings.geometry)).transpose()?;
+        let pixels = sizes.iter().map(|(width, height)| u64::from(*width) * u64::from(*height)).max().unwrap_or(1);
         Ok(Self {
+            landings: landings(gpu, pixels, settings.frequencies.sigma_learning, in_flight)?,
             sigma: None,
             constrained,
             photometric: Photometric::new(gpu, &sizes, deep, settings)?,
@@ -155,11 +160,11 @@ impl Terms {
         input: &Input,
         settings: &Settings,
         masks: Option<Cache>,
-        pacing: Pacing,
     ) -> Result<(), Error> {
+        let landings = std::mem::take(&mut self.landings);
         if let Some(masks) = masks.filter(|_| settings.frequencies.sigma_learning != SigmaLearning::Off) {
             let lumas = masks.images().cloned().collect();
-            self.sigma = Some(SigmaTraining::new(gpu, &input.train, lumas, settings, pacing.events_in_flight())?);
+            self.sigma = Some(SigmaTraining::new(&input.train, lumas, settings, landings)?);
         }
         if let Some(geometry) = &mut self.geometry {
             geometry.fill(gpu, &input.optional)?;

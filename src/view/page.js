@@ -247,7 +247,10 @@ function project(point) {
   const [x, y, z] = drawnAt.rows.map((row) => dot(row, add(point, drawnAt.position, -1)));
   if (z <= 0) return null;
   const [left, top, width, height] = place();
-  return [left + width / 2 + (x / z) * drawnAt.focal * height, top + height / 2 + (y / z) * drawnAt.focal * height];
+  const shot = drawnAt.at === null ? null : scene.shots[drawnAt.at];
+  const [u, v] = shot ? shot.middle : [0.5, 0.5];
+  const across = shot ? shot.focalAcross * width : drawnAt.focal * height;
+  return [left + u * width + (x / z) * across, top + v * height + (y / z) * drawnAt.focal * height];
 }
 
 // ---- Points
@@ -278,7 +281,9 @@ async function measure(event) {
     const across = Math.sqrt(Math.max(0, dot(difference, difference) - rise * rise));
     told(`Distance ${significant(length(difference))}, height ${significant(rise)}, across ${significant(across)} (units of the dataset)`);
   } else {
-    told(`Point ${found.dataset.map((v) => significant(v, 7)).join(", ")}. Choose a second one.`);
+    // To 1e-5 of the scene, also far from the dataset's origin.
+    const decimals = Math.max(0, Math.min(6, 5 - Math.floor(Math.log10(scene.radius / scene.scale))));
+    told(`Point ${found.dataset.map((v) => v.toFixed(decimals)).join(", ")}. Choose a second one.`);
   }
   paint();
 }
@@ -357,7 +362,8 @@ function fly(now) {
   const speed = camera.distance * 0.8 * seconds * (quick ? 4 : 1);
   for (const code of held) {
     if (FLY[code]) camera.position = add(camera.position, camera.rows[FLY[code][0]], FLY[code][1] * speed);
-    if (TURN[code]) orbit(TURN[code][0] * 300 * seconds, TURN[code][1] * 300 * seconds, false);
+    // A key turns the view; a drag pulls the scene, so its sign is the other one.
+    if (TURN[code]) orbit(-TURN[code][0] * 300 * seconds, -TURN[code][1] * 300 * seconds, false);
   }
   moved();
   requestAnimationFrame(fly);

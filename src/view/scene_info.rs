@@ -127,7 +127,7 @@ impl SceneInfo {
 }
 
 fn shot(shot: &Shot) -> Value {
-    let Camera { rotation, width, height, fy, .. } = shot.camera;
+    let Camera { rotation, width, height, fx, fy, cx, cy, .. } = shot.camera;
     json!({
         "name": shot.name,
         "heldOut": shot.held_out,
@@ -137,12 +137,32 @@ fn shot(shot: &Shot) -> Value {
         "position": shot.camera.center(),
         "toCamera": rotation,
         "focal": fy / f64::from(height),
+        "focalAcross": fx / f64::from(width),
+        "middle": [cx / f64::from(width), cy / f64::from(height)],
     })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Marks on a photograph lie where its own camera shows them.
+    #[test]
+    fn the_page_knows_where_a_camera_looks_from() {
+        let camera = Camera {
+            rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            translation: [0.0; 3],
+            fx: 30.0,
+            fy: 20.0,
+            cx: 25.0,
+            cy: 8.0,
+            width: 40,
+            height: 20,
+        };
+        let told = shot(&Shot { name: "a".to_owned(), camera, held_out: false, photograph: None });
+        assert_eq!((&told["focal"], &told["focalAcross"]), (&json!(1.0), &json!(0.75)));
+        assert_eq!(told["middle"], json!([0.625, 0.4]));
+    }
 
     #[test]
     fn the_middle_ignores_what_is_far_away() {

@@ -26,6 +26,11 @@ pub struct Server {
 }
 
 impl Server {
+    /// Fails where [`Self::start`] would not get the address now.
+    pub fn check(address: &Address) -> Result<(), Error> {
+        listen(address).map(drop)
+    }
+
     /// Serves a page about a scene. Another port is taken if the usual one is in use and none was named.
     pub fn start(address: &Address, scene: SceneInfo) -> Result<Self, Error> {
         let listener = listen(address)?;

@@ -34,7 +34,7 @@ pub use flight::WorldView;
 pub use from_above::FromAbove;
 pub use geometry::{Bounds, Face, Hit, Ray, Shape, Solid, Surface, Terrain};
 pub use lidar::{Class, LidarPoint};
-pub use output::{Progress, Stage, Summary, generate};
+pub use output::{LIDAR_FILE, Progress, Stage, Summary, generate};
 pub use params::{CameraKind, LidarParams, WorldParams};
 pub use photograph::{RenderedView, Truth};
 pub use survey::SurveyParams;

@@ -15,6 +15,8 @@ use crate::format::{FRAME_FILE, atomic, image_out};
 const PARAMETERS: &str = "world.toml";
 /// The folder with the true map.
 const TRUTH: &str = "truth";
+/// The file with the laser scan.
+pub const LIDAR_FILE: &str = "lidar.las";
 /// The file with the ground control points.
 const CONTROL_POINTS: &str = "gcp_list.txt";
 
@@ -132,7 +134,7 @@ pub fn generate(params: &WorldParams, dir: &Path, progress: &mut dyn FnMut(Progr
     world.write_map(&truth)?;
     step(progress);
     let echoes = world.lidar();
-    let file = dir.join("lidar.las");
+    let file = dir.join(LIDAR_FILE);
     let bytes = lidar::las(&echoes).map_err(|e| WorldError::Las { path: file.clone(), source: Box::new(e) })?;
     atomic::write(&file, |out| out.write_all(&bytes))?;
     atomic::write(&dir.join("lidar.ply"), |out| lidar::write_ply(&echoes, out))?;
@@ -180,7 +182,7 @@ fn has_world(dir: &Path) -> Result<bool, WorldError> {
         "normal",
         "clean",
         "offpath",
-        "lidar.las",
+        LIDAR_FILE,
         "lidar.ply",
         "surface.ply",
         CONTROL_POINTS,

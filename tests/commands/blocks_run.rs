@@ -17,8 +17,9 @@ use crate::common;
 use crate::run::{Running, command, copy_folder, copy_of, fails, psrgs, stderr, works};
 
 /// Stereo, growth, a checkpoint every few steps, and exposures that the coarse model solves.
-const OPTIONS: &str = "--method psrgs --deterministic --densify-from 5 --densify-interval 6 --densify-until 32 \
-                       --grad-threshold 1e-3 --exposure affine --set stereo-side=32 --set stereo-splats=300 \
+/// Steps of the schedule are those of 30,000: growth begins after step 5 of 40, and ends before step 32.
+const OPTIONS: &str = "--method psrgs --deterministic --scale-schedule --densify-from 3750 --densify-interval 4500 \
+                       --densify-until 24000 --grad-threshold 1e-3 --exposure affine --set stereo-side=32 --set stereo-splats=300 \
                        --set sigma-learning=off --eval-every 0 --checkpoint-every 10 --seed 5 --max-side 96";
 
 /// Steps of a block.

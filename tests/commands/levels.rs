@@ -81,3 +81,32 @@ fn lod_refuses_what_it_cannot_use() {
     fs::write(folder.path().join("frame.json"), "{").expect("written");
     fails(&["lod", text(&file), "--out", text(&out)], 3, &["frame.json"]);
 }
+
+#[test]
+fn lod_replaces_its_own_files_and_no_others() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = model(folder.path(), 700);
+    let others: [(&str, &str, &str); 4] = [
+        ("tiles", "tile2024.glb", "photogrammetry"),
+        ("tiles", "tileset.json", "{\"asset\": {\"generator\": \"another program\"}}"),
+        ("tiles-spz", "tileset.json", "{}"),
+        ("sog", "lod-meta.json", "{\"version\": 1}"),
+    ];
+    for (k, (format, name, other)) in others.into_iter().enumerate() {
+        let out = folder.path().join(k.to_string());
+        fs::create_dir(&out).expect("a folder");
+        fs::write(out.join(name), other).expect("written");
+        fails(&["lod", text(&file), "--format", format, "--out", text(&out)], 8, &[name, "another program's"]);
+        assert_eq!(fs::read_to_string(out.join(name)).expect("it is still there"), other);
+        assert_eq!(content(&out).len(), 1, "{format}: nothing was written");
+    }
+    // A tile of a set is no model for that set.
+    let out = folder.path().join("own");
+    works(&["lod", text(&file), "--tile-splats", "100", "--out", text(&out)]);
+    let before = content(&out);
+    fails(&["lod", text(&out.join("tile.glb")), "--out", text(&out)], 2, &["tile.glb", "another folder"]);
+    assert_eq!(content(&out), before);
+    // Fewer tiles replace more.
+    works(&["lod", text(&file), "--out", text(&out)]);
+    assert_eq!(content(&out).len(), 2);
+}

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use psrgs_vk::format::ply;
 use serde_json::Value;
 
 use crate::common::browser::{Browser, chromium};
@@ -259,6 +260,24 @@ fn a_port_in_use_is_an_error_that_names_it() {
     crate::run::fails(&["view", text(&shared.model()), "--address", "0.0.0.0"], 2, &words);
 }
 
+/// Numbers about the origin of a map have 32 bits on the device: splats are drawn about an origin near them.
+#[test]
+fn a_model_on_a_map_is_viewed_as_one_at_the_origin() {
+    let Some(shared) = shared() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut model = ply::read(&shared.model()).expect("a model");
+    let mut scene = |shift: [f64; 3]| -> Value {
+        let file = folder.path().join("model.ply");
+        model.shift = shift;
+        ply::write(&file, &model).expect("written");
+        let page = Page::open(&["view", text(&file), "--address", "0"]);
+        serde_json::from_slice(&page.get("/scene")).expect("JSON")
+    };
+    let (near, far) = (scene([0.0; 3]), scene([597_627.25, 5_278_219.5, 700.0]));
+    assert_eq!((&near["center"], &near["radius"]), (&far["center"], &far["radius"]));
+    assert_eq!(far["offset"], serde_json::json!([597_627.25, 5_278_219.5, 700.0]));
+}
+
 /// Pixels of the last picture on the page.
 const PIXELS: &str = "(() => { const c = new OffscreenCanvas(bitmap.width, bitmap.height), p = c.getContext('2d'); \
     p.drawImage(bitmap, 0, 0); return [bitmap.width, bitmap.height, \
@@ -317,6 +336,19 @@ fn a_page_moves_by_mouse_wheel_touch_and_keys() {
     thread::sleep(Duration::from_millis(150));
     browser.call("Input.dispatchKeyEvent", key("keyUp"));
     changes(&mut browser, "a key");
+    // The view turns to where the arrow points.
+    for (arrow, code, axis, sign) in
+        [("ArrowRight", 39, 0, 1.0), ("ArrowLeft", 37, 0, -1.0), ("ArrowDown", 40, 1, 1.0), ("ArrowUp", 38, 1, -1.0)]
+    {
+        browser.value("window.before = camera.rows, 0");
+        let key = |kind: &str| serde_json::json!({ "type": kind, "key": arrow, "code": arrow, "windowsVirtualKeyCode": code });
+        browser.call("Input.dispatchKeyEvent", key("keyDown"));
+        browser.until(&format!("Math.abs(dot(camera.rows[2], before[{axis}])) > 1e-3"));
+        browser.call("Input.dispatchKeyEvent", key("keyUp"));
+        let turned = browser.value(&format!("dot(camera.rows[2], before[{axis}])")).as_f64().expect("a number");
+        assert!(turned * sign > 0.0, "{arrow} turns by {turned}");
+        changes(&mut browser, arrow);
+    }
     let [x, y] = middle;
     browser.touch("touchStart", &[[x - 40.0, y], [x + 40.0, y]]);
     browser.touch("touchMove", &[[x - 80.0, y], [x + 80.0, y]]);
@@ -359,6 +391,15 @@ fn a_page_moves_by_mouse_wheel_touch_and_keys() {
         browser.until(&format!("points.length === {}", count + 1));
     }
     browser.until("document.getElementById('measured').textContent.startsWith('Distance')");
+    // Marks lie where the clicks were.
+    let marks = browser.value("points.map((p) => project(p.scene)).concat([place()])");
+    for (k, place) in [surfaces[0], surfaces[surfaces.len() - 1]].into_iter().enumerate() {
+        for axis in 0..2 {
+            let [mark, corner, side] =
+                [&marks[k][axis], &marks[2][axis], &marks[2][2 + axis]].map(|value| value.as_f64().expect("a number"));
+            assert!(((mark - corner) / side - place[axis]).abs() < 0.02, "{marks}: {place:?}");
+        }
+    }
     assert_eq!(page.end(), Some(0));
     browser.until("!document.getElementById('message').hidden || (moved(), false)");
 }

@@ -65,6 +65,13 @@ fn points_lie_on_the_map_that_frame_json_names() {
     // 45 N 11 E is at 657630.64 E, 4984896.17 N (pyproj); the scene has a few dozen metres.
     let near = |p: &[f64; 3]| (p[0] - 657_630.6).abs() < 200.0 && (p[1] - 4_984_896.2).abs() < 200.0;
     assert!(points.iter().filter(|p| near(p)).count() > points.len() * 9 / 10, "{:?}", points.first());
+    // A reader learns what heights are measured from where that is not the ellipsoid.
+    let named = folder.path().join("heights.las");
+    let wkt = |file: &Path| String::from_utf8_lossy(&fs::read(file).expect("a file")).into_owned();
+    let args = ["points", text(&model), "--keep-opacity", "0", "--heights", "EPSG:5773", "--out", text(&named)];
+    works(&args);
+    let told = wkt(&named);
+    assert!(told.contains("COMPD_CS[") && told.contains("VERT_CS[\"EPSG:5773\"") && !wkt(&out).contains("COMPD_CS"));
     // An export is turned, and the file beside it leads back to the dataset and on to the map.
     let turned = folder.path().join("turned.glb");
     works(&["export", text(&model), "--out", text(&turned), "--center", "--up", "z"]);

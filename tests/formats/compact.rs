@@ -7,7 +7,7 @@ use psrgs_vk::format::ply::{self, Model};
 use psrgs_vk::format::splats::placement::{self, Turned};
 use psrgs_vk::format::splats::spz::{self, Version};
 use psrgs_vk::format::splats::{self, Format, gltf, sog, splat};
-use psrgs_vk::scene::{Gaussians, SH_GROUP_FLOATS};
+use psrgs_vk::scene::{Gaussians, SH_GROUP_FLOATS, Similarity};
 
 use super::splats as random_splats;
 
@@ -270,14 +270,26 @@ fn models_that_were_moved_and_turned_come_back_to_their_dataset() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let written = Model { shift: [5e5, 4.6e6, 100.0], ..with_degree(200, 3) };
     for format in ALL {
-        for (centred, up) in
-            [(false, None), (true, None), (false, Some([0.0, 0.0, 1.0])), (true, Some([0.3, 0.8, -0.4]))]
-        {
+        let own = Similarity {
+            rotation: [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+            scale: 2.0,
+            translation: [10.0, -20.0, 5.0],
+        };
+        let same = Similarity::IDENTITY;
+        for (from_dataset, centred, up) in [
+            (same, false, None),
+            (same, true, None),
+            (same, false, Some([0.0, 0.0, 1.0])),
+            (same, true, Some([0.3, 0.8, -0.4])),
+            (own, false, None),
+            (own, true, None),
+            (own, true, Some([0.3, 0.8, -0.4])),
+        ] {
             let file = folder.path().join(format!("a.{}", format.extension()));
-            let turned = Turned::new(&written, centred, up);
+            let turned = Turned::new(&written, &from_dataset, centred, up);
             format.write(&file, &turned.model, 3).expect("written");
             let beside = turned.write_beside(&file, format.holds_shift(), None).expect("written");
-            assert_eq!(beside, up.is_some() || !format.holds_shift(), "{format:?}");
+            assert_eq!(beside, up.is_some() || !format.holds_shift() || from_dataset != same, "{format:?}");
             assert_eq!(placement::file_beside(&file).is_file(), beside, "an old file is removed");
             let placed = splats::read_placed(&file, true).expect("read");
             assert_eq!(placed.by.is_some(), beside);
@@ -285,14 +297,14 @@ fn models_that_were_moved_and_turned_come_back_to_their_dataset() {
                 let sum = |k: usize| m.gaussians.means.iter().skip(k).step_by(3).map(|v| f64::from(*v)).sum::<f64>();
                 [0, 1, 2].map(|k| sum(k) / 200.0 + m.shift[k])
             };
-            let (old, new) = (place(&written), place(&placed.model));
+            let (old, new) = (from_dataset.inverse().point(place(&written)), place(&placed.model));
             assert!((0..3).all(|k| (old[k] - new[k]).abs() < 2e-3), "{format:?} {up:?}: {old:?} {new:?}");
             let energy = |m: &Model| rest(&m.gaussians, 3).iter().map(|v| v * v).sum::<f32>();
             let kept = energy(&placed.model) / energy(&written);
             assert!(format == Format::Splat || (kept - 1.0).abs() < 0.2, "{format:?}: {kept}");
         }
     }
-    let up = Turned::new(&written, true, Some([0.0, 0.0, 1.0]));
+    let up = Turned::new(&written, &Similarity::IDENTITY, true, Some([0.0, 0.0, 1.0]));
     let height = |m: &Model, axis: usize, sign: f32| -> Vec<f32> {
         m.gaussians.means.iter().skip(axis).step_by(3).map(|v| sign * v).collect()
     };

@@ -55,6 +55,31 @@ fn splats_on_surfaces_begin_with_the_shape_that_is_asked_for() {
     }
 }
 
+/// The shape of the first splats on points is that of reconstructed points, with and without surfaces beside them.
+#[test]
+fn points_beside_surfaces_begin_as_points_do() {
+    let Some(gpu) = common::gpu() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dataset = world(folder.path(), 96);
+    let begun = |opacity: f64, width: f64| {
+        let mut settings = train::Settings::default();
+        settings.geometry.start = Start::Stereo;
+        settings.geometry.stereo_side = 48;
+        settings.geometry.stereo_splats = 200;
+        (settings.geometry.first_opacity, settings.geometry.first_width) = (opacity, width);
+        let (report, input) = found(&gpu, &dataset, &settings, true);
+        (input.initial.len() - report.splats, input.initial)
+    };
+    let ((points, plain), (_, asked)) = (begun(0.1, 1.0), begun(0.5, 0.25));
+    for i in 0..plain.len() {
+        let (opacity, width) = if i < points { (0.5, 0.25) } else { (0.1, 1.0) };
+        let got = 1.0 / (1.0 + (-f64::from(asked.opacities[i])).exp());
+        assert!((got - opacity).abs() < 1e-6, "splat {i}: {got}");
+        let ratio = f64::from(asked.scales[3 * i] - plain.scales[3 * i]).exp();
+        assert!((ratio / width - 1.0).abs() < 1e-5, "splat {i}: {ratio}");
+    }
+}
+
 /// Splats along the edges of the photographs lie where round ones do, and cover as much.
 #[test]
 fn splats_along_edges_keep_places_and_areas() {

@@ -213,7 +213,7 @@ impl Trainings<'_> {
             counted(global.steps, "step")
         ));
         let mut settings = self.settings.clone();
-        settings.run.iterations = global.steps;
+        settings.shorten_to(global.steps);
         settings.photographs.max_side = settings.photographs.max_side.min(global.max_side);
         settings.density.max_splats = Some(global.max_splats);
         let names = global.photographs.iter().cloned().collect();
@@ -246,7 +246,7 @@ impl Trainings<'_> {
             counted(block.steps, "step")
         ));
         let mut settings = self.settings.clone();
-        settings.run.iterations = block.steps;
+        settings.shorten_to(block.steps);
         settings.keep_rates_of(self.settings.run.iterations);
         let global = self.folder.folder_of(GLOBAL);
         // Exposures are solved once for all.

@@ -62,7 +62,7 @@ mod with_viewer {
             output_guard::check(folder, dataset)?;
         }
         let up = up(args, &model, dataset.as_ref())?.map(|up| in_scene(up, &model, dataset.as_ref()));
-        let kept = chosen(args, model.model(), console)?;
+        let kept = chosen(args, &model, console)?;
         atomic::check(&args.out)?;
         let before = Instant::now();
         let sh_degree = args.sh_degree.unwrap_or(3).min(kept.sh_degree);
@@ -74,7 +74,7 @@ mod with_viewer {
             }
             // Small numbers about the origin, where f32 is exact.
             None => {
-                let moved = Turned::new(&kept, true, None);
+                let moved = Turned::new(&kept, &model.from_dataset(), true, None);
                 (moved.model.gaussians, Vec::new(), moved.to_file)
             }
         };

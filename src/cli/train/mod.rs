@@ -121,6 +121,9 @@ impl RunPlan {
     }
 }
 
+/// Keys of a settings file that a preset named beside the file replaces.
+const DECIDED_BY_PRESETS: [&str; 5] = ["preset", "max-side", "iterations", "looks", "scale-schedule"];
+
 /// The default method.
 pub(crate) const METHOD: Method = Method::Psrgs;
 
@@ -135,7 +138,8 @@ impl Args {
             (Some(run), _) => {
                 let before = Settings::read(&run.join(run_folder::SETTINGS))
                     .with_context(|| Failure::Input(format!("{}: no run to resume", run.display())))?;
-                let resumed = asked.over(&before, given)?;
+                let mut resumed = asked.over(&before, given)?;
+                make_absolute(&mut resumed)?;
                 unchanged_on_resume(&before, &resumed, run_folder::SETTINGS)?;
                 resumed
             }
@@ -188,7 +192,10 @@ fn begun(
         return Ok((settings, preset));
     };
     let mut settings = asked.over(&Settings::read(file)?, &given)?;
-    let written = if given("preset") { Vec::new() } else { Settings::keys(file)? };
+    let mut written = Settings::keys(file)?;
+    if given("preset") {
+        written.retain(|key| !DECIDED_BY_PRESETS.contains(&key.as_str()));
+    }
     let set = |key: &str| given(key) || written.iter().any(|k| k == key);
     if let Some(chosen) = settings.run.preset {
         chosen.apply(&mut settings, false, set);

@@ -6,12 +6,13 @@ use anyhow::Context as _;
 use psrgs_vk::dataset::Dataset;
 use psrgs_vk::train::prepare::{Setup, SetupRequest};
 use psrgs_vk::train::{Trainer, prepare};
-use psrgs_vk::view::State;
+use psrgs_vk::view::{Server, State};
 
 use super::RunPlan;
 use super::watched::{self, Watched};
 use super::{resume, run_loop, startup_log};
 use crate::cli::console::Console;
+use crate::cli::exit::Failure;
 use crate::cli::finished::Finished;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::lpips::Lpips;
@@ -22,6 +23,9 @@ use crate::cli::{device, output_guard};
 /// Trains as planned. `started` is the start of the process.
 pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, started: Instant) -> anyhow::Result<()> {
     interrupt.ends_at_once("stopped before the first step: there is nothing to save".to_owned());
+    if let Some(address) = &plan.view {
+        Server::check(address).map_err(|error| Failure::Usage(error.to_string()))?;
+    }
     let mut dataset = load(plan, console)?;
     if let Some(part) = &plan.part {
         part.compare(&dataset)?;
@@ -61,6 +65,11 @@ pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, st
         let interrupt = interrupt.clone();
         move || interrupt.asked()
     });
+    // An address that cannot be had costs nothing of an earlier run.
+    let mut page = match (&plan.view, scene) {
+        (Some(address), Some(scene)) => Some(Watched::begin(address, scene, (&trainer, &gpu), console)?),
+        _ => None,
+    };
     if let Some(part) = &plan.part {
         part.forget(&folder)?;
     }
@@ -69,10 +78,6 @@ pub(crate) fn train(plan: &RunPlan, interrupt: &Interrupt, console: &Console, st
         part.begin(&folder)?;
     }
     trainer.keep_checkpoints(&folder.checkpoints());
-    let mut page = match (&plan.view, scene) {
-        (Some(address), Some(scene)) => Some(Watched::begin(address, scene, (&trainer, &gpu), console)?),
-        _ => None,
-    };
     let mut to_the_end = || {
         let training_seconds = run_loop::follow(&mut trainer, plan, &gpu, (console, interrupt), done, page.as_mut())?;
         if let Some(page) = &page {

@@ -1,11 +1,12 @@
 //! Which splats of a model are written.
 
 use crate::format::ply::Model;
+use crate::scene::Similarity;
 
 /// A choice of splats. By default all are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Choice {
-    /// Least and largest x, y, z of the box in which the centres of the splats lie: [`Model::shift`] is added to means.
+    /// Least and largest x, y, z of the box in which the centres of the splats lie, in dataset coordinates.
     pub within: Option<([f64; 3], [f64; 3])>,
     /// Least opacity, from 0 to 1.
     pub least_opacity: f64,
@@ -14,16 +15,15 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// The model with the chosen splats, in their order.
-    pub fn of(&self, model: &Model) -> Model {
+    /// The model with the chosen splats, in their order. `to_dataset` leads to dataset coordinates from those of the
+    /// model, [`Model::shift`] added to means.
+    pub fn of(&self, model: &Model, to_dataset: &Similarity) -> Model {
         let g = &model.gaussians;
         let opacity = |i: usize| 1.0 / (1.0 + (-f64::from(g.opacities[i])).exp());
         let inside = |i: usize| {
             self.within.is_none_or(|(low, high)| {
-                (0..3).all(|k| {
-                    let at = f64::from(g.means[3 * i + k]) + model.shift[k];
-                    low[k] <= at && at <= high[k]
-                })
+                let at = to_dataset.point(std::array::from_fn(|k| f64::from(g.means[3 * i + k]) + model.shift[k]));
+                (0..3).all(|k| low[k] <= at[k] && at[k] <= high[k])
             })
         };
         let mut rows: Vec<u32> =
@@ -58,11 +58,15 @@ mod tests {
         }
         g.scales[0..3].fill(3.0);
         let model = Model { gaussians: g, shift: [1e6, 0.0, 0.0], constrained: Some(2), ..Model::default() };
-        let kept = |choice: Choice| Choice::of(&choice, &model);
+        let kept = |choice: Choice| choice.of(&model, &Similarity::IDENTITY);
         assert_eq!(kept(Choice::default()), model);
         let within = Some(([1e6 + 0.5, -1.0, -1.0], [1e6 + 2.0, 1.0, 1.0]));
         let inside = kept(Choice { within, ..Choice::default() });
         assert_eq!((inside.gaussians.means[0], inside.gaussians.len(), inside.constrained), (1.0, 2, Some(1)));
+        let halved = Similarity { scale: 0.5, ..Similarity::IDENTITY };
+        let within = Some(([0.5e6 + 0.7, -1.0, -1.0], [0.5e6 + 1.2, 1.0, 1.0]));
+        let of_halves = Choice { within, ..Choice::default() }.of(&model, &halved);
+        assert_eq!((of_halves.gaussians.means[0], of_halves.gaussians.len()), (2.0, 1), "1.0 of the dataset's units");
         let opaque = kept(Choice { least_opacity: 0.5, ..Choice::default() });
         assert_eq!((opaque.gaussians.opacities.as_slice(), opaque.constrained), (&[0.0, 1.0, 2.0][..], Some(1)));
         let large = kept(Choice { most: Some(2), ..Choice::default() });

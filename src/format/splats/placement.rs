@@ -27,12 +27,15 @@ pub struct Turned {
     pub model: Model,
     /// From dataset coordinates to those of the file.
     pub to_file: Similarity,
+    /// From dataset coordinates to those of the model before it was moved.
+    from_dataset: Similarity,
 }
 
 impl Turned {
     /// Moves a model so that the median of its means is the origin where `centred` is set, then turns the direction
-    /// `up` of the model to -y, the up of viewers.
-    pub fn new(model: &Model, centred: bool, up: Option<[f64; 3]>) -> Self {
+    /// `up` of the model to -y, the up of viewers. `from_dataset` leads from dataset coordinates to those of the model,
+    /// [`Model::shift`] added.
+    pub fn new(model: &Model, from_dataset: &Similarity, centred: bool, up: Option<[f64; 3]>) -> Self {
         let centre = if centred { median(&model.gaussians.means) } else { [0.0; 3] };
         let rotation = up.map_or(Similarity::IDENTITY.rotation, |up| scene::turn(up, [0.0, -1.0, 0.0]));
         let turn = Similarity { rotation, ..Similarity::IDENTITY };
@@ -41,18 +44,18 @@ impl Turned {
         let gaussians =
             if moved == Similarity::IDENTITY { model.gaussians.clone() } else { moved.gaussians(&model.gaussians) };
         let shift: [f64; 3] = std::array::from_fn(|k| model.shift[k] + centre[k]);
-        let to_file = turn.after_shift(shift.map(|v| -v));
+        let to_file = from_dataset.then(&turn.after_shift(shift.map(|v| -v)));
         let is_turned = turn.rotation != Similarity::IDENTITY.rotation;
         let model = Model { gaussians, shift: if is_turned { [0.0; 3] } else { shift }, ..without_splats(model) };
-        Self { model, to_file }
+        Self { model, to_file, from_dataset: *from_dataset }
     }
 
     /// Writes the file beside a model, or removes an old one where dataset and file have the same coordinates or the
     /// model's file holds the shift (`holds_shift`), and no map is known. The result says whether there is one.
     pub fn write_beside(&self, file: &Path, holds_shift: bool, map: Option<&MapFrame>) -> Result<bool, Error> {
-        let told = holds_shift && self.to_file.rotation == Similarity::IDENTITY.rotation;
+        let told = holds_shift && self.to_file.rotation == self.from_dataset.rotation;
         // Readers add the shift that the model's file holds, and then go by the matrix.
-        let matrix = if told { Similarity::IDENTITY } else { self.to_file };
+        let matrix = if told { self.from_dataset } else { self.to_file };
         put(file, text(&matrix, &self.to_file, map))
     }
 }

@@ -9,7 +9,7 @@ use crate::train::Error;
 use crate::train::input::Outline;
 use crate::train::pacing::{Pacing, Residency};
 use crate::train::photographs::Photographs;
-use crate::train::settings::Settings;
+use crate::train::settings::{DepthPrior, Settings};
 use crate::vk::{Gpu, Memory};
 
 /// Pairs reserved for a splat.
@@ -38,7 +38,7 @@ pub(in crate::train) struct Needs {
     /// Where the photographs are assumed to be when the most splats are computed. That number must not depend on how
     /// much memory the host has free today.
     counted: Residency,
-    in_flight: usize,
+    pub(in crate::train) in_flight: usize,
 }
 
 impl Needs {
@@ -54,7 +54,10 @@ impl Needs {
             views: outline.train.clone(),
             settings: settings.clone(),
             extent: f64::from(outline.extent),
-            pictures: !outline.held_out.is_empty() || settings.density.prune_weight > 0.0,
+            pictures: !outline.held_out.is_empty()
+                || settings.density.prune_weight > 0.0
+                || settings.density.recycle_share > 0.0
+                || settings.geometry.depth_prior == DepthPrior::Propagation,
             room: tally.limit.saturating_sub(tally.current.next_multiple_of(GRAIN)),
             residency: pacing.photographs,
             counted: pacing.photographs,

@@ -29,6 +29,43 @@ pub struct SigmaUpdate {
     pub loss: f64,
 }
 
+/// Buffers for the renders of a step: of all splats, and of the constrained set if composites are learned from.
+pub(in crate::train) type Landing = [Buffer; 2];
+
+/// Bytes of the renders of a step.
+const fn bytes_of(pixels: u64, how: SigmaLearning) -> [u64; 2] {
+    match how {
+        SigmaLearning::Off => [0; 2],
+        SigmaLearning::Errors => [16 * pixels, 16],
+        SigmaLearning::Composite => [16 * pixels; 2],
+    }
+}
+
+/// Bytes of all renders that learning keeps, with at most `in_flight` steps in flight.
+pub(in crate::train) fn bytes_of_landings(pixels: u64, how: SigmaLearning, in_flight: usize) -> u64 {
+    (in_flight as u64 + 1) * bytes_of(pixels, how).iter().sum::<u64>()
+}
+
+/// Buffers for the renders of steps that learn: one more than are in flight at most. None where nothing is learned.
+pub(in crate::train) fn landings(
+    gpu: &Gpu,
+    pixels: u64,
+    how: SigmaLearning,
+    in_flight: usize,
+) -> Result<Vec<Landing>, vk::Error> {
+    if how == SigmaLearning::Off {
+        return Ok(Vec::new());
+    }
+    let [full, low] = bytes_of(pixels, how);
+    let landing = |_| {
+        Ok([
+            gpu.buffer("learned_render", full, Memory::Readback)?,
+            gpu.buffer("learned_low_render", low, Memory::Readback)?,
+        ])
+    };
+    (0..=in_flight).map(landing).collect()
+}
+
 /// A mask that is used from a step on.
 struct LearnedMask {
     from: u32,
@@ -56,19 +93,17 @@ pub(in crate::train) struct SigmaTraining {
     /// Masks of each view.
     masks: Vec<Vec<LearnedMask>>,
     /// For each step in flight: the render of all splats, and of the constrained set if composites are learned from.
-    landings: Vec<[Buffer; 2]>,
+    landings: Vec<Landing>,
     sizes: Vec<(u32, u32)>,
 }
 
 impl SigmaTraining {
-    /// For these views and their luma planes (`lumas`, at the size of the masks), with at most `in_flight` steps in
-    /// flight.
+    /// For these views and their luma planes (`lumas`, at the size of the masks), with the buffers of [`landings`].
     pub(in crate::train) fn new(
-        gpu: &Gpu,
         views: &[View],
         lumas: Vec<Plane>,
         training: &TrainingSettings,
-        in_flight: usize,
+        landings: Vec<Landing>,
     ) -> Result<Self, Error> {
         let (frequencies, seed) = (&training.frequencies, training.run.seed);
         let settings = Settings::default();
@@ -79,14 +114,6 @@ impl SigmaTraining {
             features.push(*Spectrum::new(&luma, &settings)?.features());
             images.push(ReducedPhotograph::new(view, luma, how)?);
         }
-        let pixels = views.iter().map(|v| u64::from(v.camera.width) * u64::from(v.camera.height)).max().unwrap_or(1);
-        let of_low = if how == SigmaLearning::Composite { pixels } else { 1 };
-        let landing = |_| -> Result<[Buffer; 2], vk::Error> {
-            Ok([
-                gpu.buffer("learned_render", 16 * pixels, Memory::Readback)?,
-                gpu.buffer("learned_low_render", 16 * of_low, Memory::Readback)?,
-            ])
-        };
         Ok(Self {
             learner: SigmaLearner::new(&features, &learned)?,
             how,
@@ -94,7 +121,7 @@ impl SigmaTraining {
             settings,
             masks: views.iter().map(|_| Vec::new()).collect(),
             images,
-            landings: (0..=in_flight).map(landing).collect::<Result<_, _>>()?,
+            landings,
             sizes: views.iter().map(|v| (v.camera.width, v.camera.height)).collect(),
         })
     }
@@ -105,7 +132,7 @@ impl SigmaTraining {
     }
 
     /// Buffers for the renders of a step: of all splats, and of the constrained set.
-    pub(in crate::train) fn landing(&self, step: u32) -> &[Buffer; 2] {
+    pub(in crate::train) fn landing(&self, step: u32) -> &Landing {
         &self.landings[(step / self.every) as usize % self.landings.len()]
     }
 

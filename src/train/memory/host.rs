@@ -9,6 +9,7 @@ use crate::eval::REPORT_BYTES;
 use crate::host_memory::{FREE_UNKNOWN, free, resident};
 use crate::stereo::MemoryEstimate;
 use crate::train::input::Outline;
+use crate::train::learning::sigma::bytes_of_landings;
 use crate::train::pacing::{Pacing, Residency};
 use crate::train::photographs::LANDINGS;
 use crate::train::settings::{DepthPrior, Settings};
@@ -138,20 +139,23 @@ impl HostPlan {
             _ => room,
         };
         let at_once = u64::from(settings.texture.views_at_once());
-        Self::of(memory, outline, plan, (decoding, stereo), (shares_memory(gpu), at_once))
+        let how = settings.frequencies.sigma_learning;
+        let renders = bytes_of_landings(outline.most_pixels(), how, Pacing::default().events_in_flight());
+        Self::of(memory, outline, plan, (decoding, stereo, renders), (shares_memory(gpu), at_once))
     }
 
     fn of(
         memory: HostMemory,
         outline: &Outline,
         plan: &MemoryPlan,
-        (each_decoding, stereo): (u64, MemoryEstimate),
+        (each_decoding, stereo, renders): (u64, MemoryEstimate, u64),
         (shared, at_once): (bool, u64),
     ) -> Self {
         let mut pacing = Pacing::default();
         let largest = outline.largest();
         let decoded = Outline::bytes(&outline.train) + Outline::bytes(&outline.held_out);
-        let on_device = if shared { plan.at_start.saturating_sub(plan.photographs.1) } else { 0 };
+        // Renders that sigma is learned from are in the host's memory on every device, and in the plan of a shared one.
+        let on_device = if shared { plan.at_start.saturating_sub(plan.photographs.1) } else { renders };
         let report = REPORT_BYTES.min(REPORT_PER_BYTE * Outline::bytes(&outline.held_out));
         let read_back = READ_BACK_PER_SPLAT * u64::from(plan.capacities.0) + READ_BACK_PER_BYTE * largest;
         // Depths are found before the training allocates; the results stay until the training has taken them over.
@@ -253,7 +257,7 @@ mod tests {
 
     fn planned(budget: u64, views: usize, shared: bool) -> HostPlan {
         let memory = HostMemory { budget: budget * MIB, in_use: 50 * MIB, most: budget * MIB };
-        HostPlan::of(memory, &outline(views), &plan(views), (4 * MIB, MemoryEstimate::default()), (shared, 1))
+        HostPlan::of(memory, &outline(views), &plan(views), (4 * MIB, MemoryEstimate::default(), 0), (shared, 1))
     }
 
     #[test]
@@ -292,7 +296,7 @@ mod tests {
         // More than half of the free memory, and less than all of it.
         let memory = HostMemory { most: needed, ..plan.memory };
         let plan =
-            HostPlan::of(memory, &outline(100), &self::plan(100), (4 * MIB, MemoryEstimate::default()), (true, 1));
+            HostPlan::of(memory, &outline(100), &self::plan(100), (4 * MIB, MemoryEstimate::default(), 0), (true, 1));
         assert!(plan.check().is_ok() && plan.to_string().contains("more than half of what is free"), "{plan}");
         assert!(HostPlan { memory: HostMemory { most: needed - 1, ..memory }, ..plan }.check().is_err());
     }
@@ -301,9 +305,20 @@ mod tests {
     fn a_photograph_larger_than_the_memory_of_the_host_is_refused() {
         let decoding = 100 << 30;
         let memory = HostMemory { budget: 1000 * MIB, in_use: 50 * MIB, most: 2000 * MIB };
-        let plan = HostPlan::of(memory, &outline(3), &plan(3), (decoding, MemoryEstimate::default()), (true, 1));
+        let plan = HostPlan::of(memory, &outline(3), &plan(3), (decoding, MemoryEstimate::default(), 0), (true, 1));
         assert!(plan.check().is_err(), "{plan}");
         assert!(memory.check(&memory.share(decoding)).is_err() && memory.check(&memory.share(MIB)).is_ok());
+    }
+
+    #[test]
+    fn renders_that_are_learned_from_count_once() {
+        let memory = HostMemory { budget: 1000 * MIB, in_use: 50 * MIB, most: 1000 * MIB };
+        let with = |renders, shared| {
+            let room = MemoryEstimate::default();
+            HostPlan::of(memory, &outline(9), &plan(9), (MIB, room, renders * MIB), (shared, 1)).training
+        };
+        assert_eq!(with(70, false), with(0, false) + 70 * MIB);
+        assert_eq!(with(70, true), with(0, true), "the plan of a shared device has them");
     }
 
     #[test]
@@ -311,7 +326,7 @@ mod tests {
         let memory = HostMemory { budget: 1000 * MIB, in_use: 50 * MIB, most: 1000 * MIB };
         let with = |host, device, results, shared| {
             let room = MemoryEstimate { host: host * MIB, device: device * MIB, results: results * MIB };
-            HostPlan::of(memory, &outline(100), &plan(100), (4 * MIB, room), (shared, 1)).training
+            HostPlan::of(memory, &outline(100), &plan(100), (4 * MIB, room, 0), (shared, 1)).training
         };
         let none = with(0, 0, 0, true);
         assert_eq!(with(90, 0, 30, true), none + 30 * MIB, "what is found is there while the training allocates");

@@ -131,7 +131,8 @@ pub fn compute_stereo_priors(
     let otherwise = if stereo { WithoutDepth::NoAgreement } else { WithoutDepth::NothingInView };
     report.skipped = without_depth(input, &priors, &alone, otherwise);
     if settings.depth_prior == DepthPrior::Propagation {
-        let scene = scene(dataset, input, &wanted, share)?;
+        // At full size, also where stereo for the start was made cheaper: the loss takes priors of that size alone.
+        let scene = scene(dataset, input, &settings.stereo(), share)?;
         report.views = scene.views.len() - scene.skipped.len();
         report.skipped = scene.skipped.clone();
         input.optional.scene = Some(Arc::new(scene));
@@ -388,12 +389,14 @@ fn begin_on(
     input.initial = init::from_points(&reconstructed.chain(found).collect::<Vec<_>>(), &dataset.frame)?;
     let normals: Vec<[f32; 3]> = chosen.iter().map(|c| c.point.normal).collect();
     let geometry = &settings.geometry;
+    init::make_opaque(&mut input.initial, 0, geometry.first_opacity);
+    init::widen(&mut input.initial, 0..kept.len(), geometry.first_width);
     init::lay_flat(&mut input.initial, kept.len(), &normals, geometry.stereo_thickness);
     if geometry.stereo_axes > 0.0 {
         let along = |shape: &Shape| (shape.along, shape.ratio.powf(geometry.stereo_axes));
         init::stretch(&mut input.initial, kept.len(), &shapes.iter().map(along).collect::<Vec<_>>());
     }
-    init::widen(&mut input.initial, kept.len(), geometry.stereo_width);
+    init::widen(&mut input.initial, kept.len()..kept.len() + chosen.len(), geometry.stereo_width);
     init::make_opaque(&mut input.initial, kept.len(), geometry.stereo_opacity);
     Ok(chosen.len())
 }

@@ -134,6 +134,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_part_of_all_published_steps_has_their_learning_rates() {
+        let whole = Settings::default();
+        let mut part = whole.clone();
+        part.shorten_to(5000);
+        part.keep_rates_of(whole.run.iterations);
+        let (of_whole, of_part) = (RateSchedule::new(&whole, 30_000), RateSchedule::new(&part, 5000));
+        for share in [0, 1, 2] {
+            let (a, b) = (of_part.at(2500 * share), of_whole.at(15_000 * share));
+            let pairs = [(a.means, b.means), (a.opacities, b.opacities), (a.sh_rest, b.sh_rest), (a.scales, b.scales)];
+            assert!(pairs.iter().all(|(a, b)| (a / b - 1.0).abs() < 1e-9), "{a:?} and {b:?}");
+        }
+    }
+
+    #[test]
     fn a_part_has_the_learning_rates_of_the_whole() {
         for (steps, of, scaled) in [(900, 4000, true), (4000, 40_000, true), (300, 600, true), (900, 4000, false)] {
             let mut settings = Settings::default();

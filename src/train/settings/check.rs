@@ -1,8 +1,8 @@
 //! Checks that the values of settings fit one another.
 
 use super::{
-    Background, DepthPrior, Gate, Growth, LidarCloud, Method, Settings, SettingsError, SigmaLearning, Spacing, Start,
-    Transparent,
+    Background, DepthPrior, Gate, Growth, LidarCloud, Method, Run, Settings, SettingsError, SigmaLearning, Spacing,
+    Start, Transparent,
 };
 use crate::saliency::LearnSettings;
 
@@ -60,7 +60,8 @@ impl Settings {
     /// Constraints between harmonics, background and losses.
     fn together(&self) -> [Constraint; 9] {
         let Self { run, model, texture, shortcuts, density, geometry, .. } = self;
-        let growth_ends = run.scale_schedule || density.no_densify || density.densify_until < run.iterations;
+        let schedule = if run.scale_schedule { Run::default().iterations } else { run.iterations };
+        let growth_ends = density.no_densify || density.densify_until < schedule;
         let one_colour = self.photographs.transparent == Transparent::LeftOut || model.background != Background::Random;
         let plain = model.sh_share >= 1.0 && shortcuts.moment_bits == 32;
         let wants_cloud = run.method == Method::Rsgs || geometry.depth_prior == DepthPrior::Lidar;

@@ -21,7 +21,8 @@ group! {
         #[arg(value_name = "G")]
         pub grad_threshold: f64 = 2e-4; Range::THRESHOLD,
         /// Keep splats few as published (opacity resets, pruning by opacity and size) or lean (pruning by weight,
-        /// fading in place of resets, steps of visible splats alone); lean makes fewer splats and takes less time
+        /// no resets, fading with sampled growth, steps of visible splats alone); lean makes fewer splats and takes
+        /// less time
         #[arg(value_name = "KIND")]
         pub housekeeping: Housekeeping = Housekeeping::Published,
         /// Prune splats with an opacity below this, from 0 to 1; higher keeps fewer splats

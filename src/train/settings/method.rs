@@ -83,10 +83,9 @@ impl Method {
 }
 
 /// Settings that are steps in a schedule of 30,000 steps.
-const STEPS_OF_THE_SCHEDULE: [&str; 8] = [
+pub(super) const STEPS_OF_THE_SCHEDULE: [&str; 7] = [
     "densify-from",
     "densify-until",
-    "grow-on-until",
     "opacity-reset-interval",
     "sh-interval",
     "lr-means-steps",

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use super::method::STEPS_OF_THE_SCHEDULE;
 use super::{Run, Settings};
 use crate::numbers::{counted, steps_and_looks};
 use crate::vk::DeviceKind;
@@ -75,6 +76,14 @@ impl Settings {
         self.run.scale_schedule |= steps < Run::default().iterations;
         Some(StepsByNeed { steps, needed, photographs, spares_cpu })
     }
+
+    /// Takes `steps` steps, for a training of some of the photographs. The schedule of a whole training of all
+    /// published steps is scaled to them; that of a shorter one stays as it is, scaled or cut off.
+    pub fn shorten_to(&mut self, steps: u32) {
+        let whole = self.run.iterations >= Run::default().iterations;
+        self.run.scale_schedule |= whole && steps < self.run.iterations;
+        self.run.iterations = steps;
+    }
 }
 
 impl Preset {
@@ -84,7 +93,7 @@ impl Preset {
     }
 
     /// Sets the preset's values for keys that are not `named`. An `automatic` preset does not scale the schedule if the
-    /// user names the number of steps.
+    /// user names the number of steps or a step of the schedule.
     pub fn apply(self, settings: &mut Settings, automatic: bool, named: impl Fn(&str) -> bool) {
         let (side, steps, scaled) = match self {
             Self::Quick => (640, QUICK_STEPS, true),
@@ -94,7 +103,7 @@ impl Preset {
         if !named("max-side") {
             settings.photographs.max_side = side;
         }
-        let steps_are_own = automatic && named("iterations");
+        let steps_are_own = automatic && (named("iterations") || STEPS_OF_THE_SCHEDULE.into_iter().any(&named));
         if !steps_are_own && !named("scale-schedule") {
             settings.run.scale_schedule = scaled;
         }
@@ -150,6 +159,23 @@ mod tests {
         assert_eq!(with(Preset::Quick, false, &["scale-schedule"]), (640, 2000, false));
         assert_eq!(with(Preset::Quick, true, &["iterations"]), (640, 55, false));
         assert_eq!(with(Preset::Quick, true, &[]), (640, 2000, true));
+        assert_eq!(with(Preset::Quick, true, &["densify-until"]), (640, 2000, false));
+        assert_eq!(with(Preset::Quick, false, &["densify-until"]), (640, 2000, true));
+    }
+
+    #[test]
+    fn the_schedule_of_all_published_steps_is_scaled_to_a_part() {
+        for (whole, scaled, part_scaled) in
+            [(30_000, false, true), (40_000, false, true), (7000, false, false), (7000, true, true)]
+        {
+            let mut part = Settings::default();
+            (part.run.iterations, part.run.scale_schedule) = (whole, scaled);
+            part.shorten_to(900);
+            assert_eq!((part.run.iterations, part.run.scale_schedule), (900, part_scaled), "{whole}");
+        }
+        let mut same = Settings::default();
+        same.shorten_to(30_000);
+        assert_eq!(same, Settings::default());
     }
 
     /// The printed defaults of the options are those of the standard preset.

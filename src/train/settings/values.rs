@@ -107,7 +107,7 @@ pub enum Housekeeping {
     /// As the 3DGS reference does: opacity resets, pruning by opacity and size.
     #[default]
     Published,
-    /// Pruning by weight, fading in place of resets, steps of visible splats alone.
+    /// Pruning by weight, no resets, fading with sampled growth, steps of visible splats alone.
     Lean,
 }
 

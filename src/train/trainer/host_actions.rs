@@ -23,7 +23,10 @@ impl Trainer {
 
     /// Takes over the number of splats after an action, and queues the messages about it.
     fn take_in(&mut self, change: Change) {
-        self.last_splats = change.splats.unwrap_or(self.last_splats);
+        if let Some(splats) = change.splats {
+            self.last_splats = splats;
+            self.warn_of_full_memory(self.next.step, splats);
+        }
         if let Some(capacity) = change.capacity {
             self.tell(Message::Grown { what: "splats", capacity: capacity.into(), replay_from: self.next.step });
         }

@@ -28,7 +28,9 @@ impl Trainer {
         }
         let Ok(done) = self.engine.clear_overflow() else { return error };
         self.next = Event::after(done, &self.schedule);
-        if self.next.kind != Kind::Step || self.next.step <= 1 {
+        // A host action that ran before the failed step has changed the model: the step would have to be done first.
+        let changed = self.actions.done() >= self.next.step;
+        if self.next.kind != Kind::Step || self.next.step <= 1 || changed {
             return error;
         }
         match (self.save_checkpoint(), error) {
