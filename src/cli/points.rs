@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use psrgs_vk::dataset::{Dataset, LoadOptions, Split};
 use psrgs_vk::format::{atomic, las};
-use psrgs_vk::geodesy::Georeference;
+use psrgs_vk::geodesy::{Georeference, VerticalDatum};
 use psrgs_vk::map::{SplatPoints, StereoPoints, steps};
 use psrgs_vk::numbers::{counted, fraction, grouped};
 use psrgs_vk::scene::Similarity;
