@@ -95,7 +95,7 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     let dataset = args.cameras.as_deref().map(|folder| scores::dataset(args, folder)).transpose()?;
     let up = up(args, &model, dataset.as_ref())?;
     let chosen = chosen(args, &model, console)?;
-    let turned = Turned::new(&chosen, &model.from_dataset(), args.center, up);
+    let turned = Turned::new(&chosen, &model.dataset_to_model(), args.center, up);
     let map = map_frame::of_model(&args.model, &args.scene.frame, console);
     make_folders(args, &files)?;
     let degree = args.sh_degree.unwrap_or(3).min(chosen.sh_degree);
@@ -174,7 +174,7 @@ fn chosen(args: &Args, model: &ModelFile, console: &Console) -> Result<ply::Mode
         least_opacity: args.keep_opacity,
         most: args.max_splats.map(|most| most as usize),
     };
-    let (chosen, model) = (choice.of(model.model(), &model.from_dataset().inverse()), model.model());
+    let (chosen, model) = (choice.of(model.model(), &model.dataset_to_model().inverse()), model.model());
     let (kept, all) = (chosen.gaussians.len(), model.gaussians.len());
     if kept == 0 && all > 0 {
         return Err(Failure::Usage(format!(

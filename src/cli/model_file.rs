@@ -177,7 +177,7 @@ impl ModelFile {
     }
 
     /// From the dataset's coordinates to those of the model, [`ply::Model::shift`] added.
-    pub(crate) fn from_dataset(&self) -> Similarity {
+    pub(crate) fn dataset_to_model(&self) -> Similarity {
         match &self.frame {
             ModelFrame::Dataset { .. } => Similarity::IDENTITY,
             ModelFrame::Other { to_dataset, .. } => to_dataset.inverse(),

@@ -74,7 +74,7 @@ mod with_viewer {
             }
             // Small numbers about the origin, where f32 is exact.
             None => {
-                let moved = Turned::new(&kept, &model.from_dataset(), true, None);
+                let moved = Turned::new(&kept, &model.dataset_to_model(), true, None);
                 (moved.model.gaussians, Vec::new(), moved.to_file)
             }
         };
