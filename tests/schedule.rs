@@ -514,13 +514,14 @@ fn a_stage_of_all_steps_goes_on_with_more_steps() {
 
 /// A reset or a relocation makes splats fainter than the alpha cutoff of early steps: they would not come back.
 #[test]
-fn early_steps_hide_no_splats_that_are_made_faint() {
-    let first = |change: &dyn Fn(&mut Settings)| {
+fn early_steps_end_before_splats_are_made_faint() {
+    let last = |change: &dyn Fn(&mut Settings)| {
         let mut settings = Settings::of_method(Method::Psrgs);
         change(&mut settings);
-        Schedule::new(&settings, 30).step(1).alpha_cutoff
+        let schedule = Schedule::new(&settings, 30);
+        (1..=schedule.iterations).rev().find(|t| schedule.step(*t).alpha_cutoff == Some(64))
     };
-    assert_eq!(first(&|_| ()), Some(64));
-    assert_eq!(first(&|s| s.density.opacity_reset_interval = 3000), None);
-    assert_eq!(first(&|s| s.density.growth = Growth::Relocated), None);
+    assert_eq!(last(&|_| ()), Some(22_500));
+    assert_eq!(last(&|s| s.density.opacity_reset_interval = 3000), Some(3000));
+    assert_eq!(last(&|s| s.density.growth = Growth::Relocated), Some(500));
 }

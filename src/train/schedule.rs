@@ -132,6 +132,14 @@ impl Schedule {
 
         let growth = Growth::new(settings, views, scaled);
         let relocates = density.growth == settings::Growth::Relocated;
+        let dimmed_from = match (density.no_densify, relocates) {
+            (true, _) => u32::MAX,
+            (false, true) => scaled(density.densify_from),
+            (false, false) if growth.reset_interval == 0 => u32::MAX,
+            // On white there is a reset when growth begins too.
+            (false, false) if settings.model.background == Background::White => scaled(density.densify_from),
+            (false, false) => growth.reset_interval,
+        };
         let densify_until = growth.until;
         let prune_again = (PRUNE_AGAIN * f64::from(run.iterations)).round() as u32 + 1;
         let prune_large_after = if growth.reset_interval > 0 { growth.reset_interval } else { scaled(3000) };
@@ -162,7 +170,7 @@ impl Schedule {
             },
             early: EarlyCutoff {
                 // Splats that a reset or a relocation has made fainter than the cutoff would never be shown again.
-                until: if growth.reset_interval > 0 || relocates { 0 } else { early_until },
+                until: early_until.min(dimmed_from),
                 cutoff: settings.shortcuts.early_cutoff,
             },
             geometry_every: settings.geometry.depth_every.max(1),

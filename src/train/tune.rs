@@ -331,6 +331,7 @@ mod tests {
     #[test]
     fn the_timed_step_has_the_alpha_cutoff_of_most_steps() {
         let mut settings = Settings::default();
+        settings.density.opacity_reset_interval = 0;
         for (share, cutoff) in [(0.0, None), (0.3, None), (0.7, Some(64))] {
             (settings.shortcuts.early_steps, settings.shortcuts.early_cutoff) = (share, 64);
             assert_eq!(timed(&Schedule::new(&settings, 10), &settings).alpha_cutoff, cutoff, "{share}");
