@@ -79,7 +79,9 @@ fn put(model: &Path, text: Option<serde_json::Value>) -> Result<bool, Error> {
 
 /// The content of the file beside a model; `None` where there is nothing to say.
 fn text(matrix: &Similarity, to_file: &Similarity, map: Option<&MapFrame>) -> Option<serde_json::Value> {
-    let unscaled = Similarity { scale: 1.0, ..*matrix }.rows();
+    // Readers take the scale of what the matrix gives, its translation too.
+    let unscaled =
+        Similarity { scale: 1.0, translation: matrix.translation.map(|v| v / matrix.scale), ..*matrix }.rows();
     let transform = json!({"transform": unscaled, "scale": matrix.scale});
     let Some(map) = map else { return (*matrix != Similarity::IDENTITY).then_some(transform) };
     let [a, b, c, _] = map.dataset_to_map;
