@@ -223,7 +223,7 @@ fn swollen(gpu: &Gpu, settings: &mut Settings, folder: &Path) -> Option<(Error, 
     }
 }
 
-/// The model of a relocation is none of a whole step. It is not saved, and the error comes all the same.
+/// Between a relocation and its step the model is of no whole step: it is not saved, and the error comes all the same.
 #[test]
 fn pairs_that_do_not_fit_after_a_relocation_end_it_too() {
     let Some(gpu) = common::gpu() else { return };

@@ -524,4 +524,9 @@ fn early_steps_end_before_splats_are_made_faint() {
     assert_eq!(last(&|_| ()), Some(22_500));
     assert_eq!(last(&|s| s.density.opacity_reset_interval = 3000), Some(3000));
     assert_eq!(last(&|s| s.density.growth = Growth::Relocated), Some(500));
+    let on_white = |s: &mut Settings| {
+        s.density.opacity_reset_interval = 3000;
+        s.model.background = Background::White;
+    };
+    assert_eq!(last(&on_white), Some(500));
 }

@@ -82,8 +82,8 @@ pub fn plan(gpu: &Gpu, request: &PlanRequest<'_>) -> Result<Planned, Error> {
     if !(total.is_finite() && total > 0.0) {
         return Err(nowhere());
     }
-    let mut global = global(dataset, settings, total);
-    let memory = Memory::new(gpu, dataset, settings, u64::from(global.max_splats))?;
+    let coarse = coarse_splats(total);
+    let memory = Memory::new(gpu, dataset, settings, u64::from(coarse))?;
     let cut = Cut { surface: &surface, memory: &memory, margin: request.margin, views: dataset.views.len() };
     let parts = match request.count {
         Count::Blocks(count) => cut.parts_of(count, ROUNDS),
@@ -92,12 +92,13 @@ pub fn plan(gpu: &Gpu, request: &PlanRequest<'_>) -> Result<Planned, Error> {
     let chosen: Vec<&Chosen> = parts.iter().flat_map(|part| &part.photographs).collect();
     let mut used = vec![false; dataset.views.len()];
     chosen.iter().for_each(|(view, _)| used[*view as usize] = true);
-    let blind = dataset.views_of(Role::Train).filter(|(at, _)| !used[*at]).count();
     // Photographs are recorded with blocks, so the coarse model has those alone.
     let in_blocks = dataset.views_of(Role::Train).filter(|(at, _)| used[*at]);
-    global.photographs = in_blocks.map(|(_, view)| view.name.clone()).collect();
+    let in_blocks: Vec<String> = in_blocks.map(|(_, view)| view.name.clone()).collect();
     let records = photographs(dataset, &used, &request.share)?;
     let photographs = dataset.views_of(Role::Train).count();
+    let blind = photographs - in_blocks.len();
+    let global = global(dataset, settings, coarse, in_blocks);
     let steps = |count: usize| {
         let whole = f64::from(settings.run.iterations);
         ((whole * count as f64 / photographs as f64).ceil() as u32).max(1)
@@ -285,18 +286,22 @@ fn side(cell: Cell, points: &[Weighted]) -> f64 {
     if x > 0.0 && y > 0.0 { x.sqrt() * y.sqrt() } else { 0.5 * x.max(y) }
 }
 
-/// The coarse model of everything.
-fn global(dataset: &Dataset, settings: &Settings, splats: f64) -> GlobalModel {
+/// Most splats of the coarse model of a scene that is expected to need `splats`.
+fn coarse_splats(splats: f64) -> u32 {
     let (share, fewest) = COARSE_SPLATS;
-    let most = (share * splats).ceil().clamp(fewest as f64, f64::from(u32::MAX)) as u32;
+    (share * splats).ceil().clamp(fewest as f64, f64::from(u32::MAX)) as u32
+}
+
+/// The coarse model of everything.
+fn global(dataset: &Dataset, settings: &Settings, max_splats: u32, photographs: Vec<String>) -> GlobalModel {
     let full = dataset.views_of(Role::Train).map(|(_, view)| view.camera.width.max(view.camera.height)).max();
     let full = full.unwrap_or(1).min(settings.photographs.max_side);
     let side = (full / COARSE_SIDE.0).max(COARSE_SIDE.1.min(full));
     GlobalModel {
-        photographs: Vec::new(),
+        photographs,
         max_side: side.max(1),
         steps: ((COARSE_STEPS * f64::from(settings.run.iterations)).ceil() as u32).max(1),
-        max_splats: most,
+        max_splats,
     }
 }
 

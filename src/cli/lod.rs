@@ -69,7 +69,6 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
         return Err(Failure::Input(text).into());
     }
     std::fs::create_dir_all(&args.out).with_context(|| Failure::Output(args.out.display().to_string()))?;
-    keep_model(args)?;
     atomic::check(&args.out.join("tileset.json"))?;
     let degree = args.sh_degree.unwrap_or(3).min(model.model().sh_degree);
     match args.format {
@@ -81,13 +80,12 @@ pub(crate) fn run(args: &Args, console: &Console) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Refuses a model that is a file of the set in the folder to write: the set is replaced.
-fn keep_model(args: &Args) -> Result<(), Failure> {
-    let (Ok(model), Ok(out)) = (args.model.canonicalize(), args.out.canonicalize()) else { return Ok(()) };
-    let ending = if args.format == Form::Sog { "json" } else { "glb" };
-    if model.starts_with(&out) && model.extension().is_some_and(|own| own == ending) {
-        let text = format!("{}: the model lies in the folder of --out, whose files are replaced", args.model.display());
-        return Err(Failure::Usage(format!("{text}; choose another folder")));
+/// Refuses a model that is one of the files to replace.
+fn keep_model(model: &Path, replaced: &[PathBuf]) -> Result<(), Failure> {
+    let whole = |file: &Path| file.canonicalize().ok();
+    if replaced.iter().any(|file| whole(file).is_some_and(|file| Some(file) == whole(model))) {
+        let text = "the model is one of the files of --out that are replaced; choose another folder";
+        return Err(Failure::Usage(format!("{}: {text}", model.display())));
     }
     Ok(())
 }
@@ -95,6 +93,7 @@ fn keep_model(args: &Args) -> Result<(), Failure> {
 fn tiles(args: &Args, model: &ModelFile, content: Content, sh_degree: u32, console: &Console) -> anyhow::Result<()> {
     let to_earth = place(&args.model, model, console)?;
     let set = TileSet { folder: &args.out, content, sh_degree, to_earth };
+    keep_model(&args.model, &set.earlier()?)?;
     let tree = set.write(model.model(), args.tile_splats as usize)?;
     levels(&tree, console);
     console.say(format_args!("{}: {}", set.file().display(), counted(tree.tiles.len(), "tile")));
@@ -117,6 +116,7 @@ fn levels(tree: &Tree, console: &Console) {
 
 fn sog(args: &Args, model: &ModelFile, sh_degree: u32, console: &Console) -> anyhow::Result<()> {
     let set = StreamedSog { folder: &args.out, sh_degree };
+    keep_model(&args.model, &set.earlier()?)?;
     let written = set.write(model.model(), args.tile_splats as usize)?;
     for (level, splats) in written.counts.iter().enumerate() {
         console.say(format_args!("level {level}: {}", counted(*splats, "splat")));

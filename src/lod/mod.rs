@@ -18,12 +18,13 @@ pub use streamed::{LEVELS, Streamed, StreamedSog};
 pub use tiles::{Content, TileSet};
 pub use tree::{Bounds, Tile, Tree};
 
-/// Fails where a file of a set is to be replaced whose `head`, JSON with `asset.generator`, names another program.
-fn is_by_this_program(file: &Path, head: &[u8]) -> Result<(), Error> {
+/// The `head` of a file that is to be replaced: JSON with `asset.generator`. A head that names another program is an
+/// error.
+fn by_this_program(file: &Path, head: &[u8]) -> Result<serde_json::Value, Error> {
     let document: serde_json::Value = serde_json::from_slice(head).unwrap_or_default();
     let generator = document["asset"]["generator"].as_str().unwrap_or("");
     if generator.split(' ').next() == Some(env!("CARGO_PKG_NAME")) {
-        return Ok(());
+        return Ok(document);
     }
     let problem = "the file that is there is another program's; choose another folder, or remove the file".to_owned();
     Err(Error::Unwritable { file: file.to_owned(), what: "levels of detail", problem })

@@ -63,10 +63,8 @@ impl StreamedSog<'_> {
     /// Writes a model with at most `most` splats in a cell. `lod-meta.json` is written last: without that file the
     /// folder holds no model.
     pub fn write(&self, model: &Model, most: usize) -> Result<Streamed, Error> {
+        self.earlier()?;
         let meta = self.file();
-        if meta.is_file() {
-            super::is_by_this_program(&meta, &std::fs::read(&meta).map_err(Error::io(&meta, "read"))?)?;
-        }
         atomic::remove(&meta)?;
         let most = most.max(1);
         let mut writer = Writer { set: self, model, most, levels: Default::default(), names: Vec::new() };
@@ -89,6 +87,19 @@ impl StreamedSog<'_> {
         });
         atomic::write(&meta, |out| writeln!(out, "{document}"))?;
         Ok(written)
+    }
+
+    /// The files of an earlier model that [`Self::write`] may replace. A `lod-meta.json` by another program is an
+    /// error.
+    pub fn earlier(&self) -> Result<Vec<PathBuf>, Error> {
+        let meta = self.file();
+        if !meta.is_file() {
+            return Ok(Vec::new());
+        }
+        let content = std::fs::read(&meta).map_err(Error::io(&meta, "read"))?;
+        let document = super::by_this_program(&meta, &content)?;
+        let names = document["filenames"].as_array().into_iter().flatten().filter_map(Value::as_str);
+        Ok(names.map(|name| self.folder.join(name)).chain([meta]).collect())
     }
 
     /// The file that says where cells are.

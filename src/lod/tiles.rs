@@ -86,7 +86,7 @@ impl TileSet<'_> {
             } else {
                 continue;
             };
-            super::is_by_this_program(&file, &head)?;
+            super::by_this_program(&file, &head)?;
             found.push(file);
         }
         Ok(found)

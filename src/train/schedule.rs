@@ -132,13 +132,14 @@ impl Schedule {
 
         let growth = Growth::new(settings, views, scaled);
         let relocates = density.growth == settings::Growth::Relocated;
-        let dimmed_from = match (density.no_densify, relocates) {
-            (true, _) => u32::MAX,
-            (false, true) => scaled(density.densify_from),
-            (false, false) if growth.reset_interval == 0 => u32::MAX,
-            // On white there is a reset when growth begins too.
-            (false, false) if settings.model.background == Background::White => scaled(density.densify_from),
-            (false, false) => growth.reset_interval,
+        // On white there is a reset when growth begins too.
+        let on_white = settings.model.background == Background::White;
+        let dimmed_from = if density.no_densify || !relocates && growth.reset_interval == 0 {
+            u32::MAX
+        } else if relocates || on_white {
+            scaled(density.densify_from)
+        } else {
+            growth.reset_interval
         };
         let densify_until = growth.until;
         let prune_again = (PRUNE_AGAIN * f64::from(run.iterations)).round() as u32 + 1;

@@ -37,8 +37,8 @@ group! {
     /// The method, its steps and their schedule.
     pub struct Run("Run")
     options {
-        /// Train by this method: psrgs makes sharp models of few splats; 3dgs, absgs, gspro, rsgs and mcmc are published
-        /// ones to compare with
+        /// Train by this method: psrgs makes sharp models of few splats; 3dgs, absgs, gspro, rsgs and mcmc are
+        /// published ones to compare with
         #[arg(value_name = "METHOD", help_heading = MOST_USED, display_order = 3)]
         pub method: Method = Method::Reference3dgs,
         /// Take N training steps; a step looks at one photograph. More show finer texture. Where neither N nor
@@ -239,8 +239,8 @@ group! {
     flags {}
     optional {}
     constants {
-        /// Share of the steps, the first ones, that skip splats at a pixel below an alpha of 1/early-cutoff; all others
-        /// skip below 1/255
+        /// Share of the steps, the first ones, that skip splats at a pixel below an alpha of 1/early-cutoff, at most up
+        /// to the first opacity reset or relocation; all others skip below 1/255
         pub early_steps: f64 = 0.0; Range::SHARE,
         /// N of 1/N, the alpha below which a splat is skipped at a pixel in early steps
         pub early_cutoff: u32 = 64; CUTOFF,

@@ -19,8 +19,9 @@ use crate::run::{Running, command, copy_folder, copy_of, fails, psrgs, stderr, w
 /// Stereo, growth, a checkpoint every few steps, and exposures that the coarse model solves.
 /// Steps of the schedule are those of 30,000: growth begins after step 5 of 40, and ends before step 32.
 const OPTIONS: &str = "--method psrgs --deterministic --scale-schedule --densify-from 3750 --densify-interval 4500 \
-                       --densify-until 24000 --grad-threshold 1e-3 --exposure affine --set stereo-side=32 --set stereo-splats=300 \
-                       --set sigma-learning=off --eval-every 0 --checkpoint-every 10 --seed 5 --max-side 96";
+                       --densify-until 24000 --grad-threshold 1e-3 --exposure affine --set stereo-side=32 \
+                       --set stereo-splats=300 --set sigma-learning=off --eval-every 0 --checkpoint-every 10 \
+                       --seed 5 --max-side 96";
 
 /// Steps of a block.
 const STEPS: u32 = 40;
@@ -232,14 +233,21 @@ fn outside_of_cell_and_margin_are_coarse_splats_alone() {
         return;
     }
     let folder = trained().path();
-    let outside = |block: &str| {
+    // Cell and margin of the first block end at 5 m.
+    let beyond = |block: &str, least: f64| -> Vec<[f64; 3]> {
         let of = ply::read(&model(folder, block)).expect("a model");
-        // Cell and margin of the first block end at 5 m. A child begins at most 1.2 m beyond (half of the largest
-        // standard deviation there), and splats move up to 2.4 m in these steps.
-        of.gaussians.means.chunks_exact(3).filter(|m| f64::from(m[0]) + of.shift[0] - middle() > 9.0).count()
+        let places = of.gaussians.means.chunks_exact(3).map(|m| [0, 1, 2].map(|k| f64::from(m[k]) + of.shift[k]));
+        places.filter(|place| place[0] - middle() > least).collect()
     };
-    let (coarse, block) = (outside("global"), outside("b00"));
-    assert!(block > 0 && block <= coarse, "{block} of {coarse}");
+    // Coarse splats are trained in the block too: each moves less than this, in metres.
+    let moved = 0.5;
+    let (coarse, block) = (beyond("global", 7.0 - moved), beyond("b00", 7.0));
+    assert!(!block.is_empty() && block.len() <= coarse.len(), "{} of {}", block.len(), coarse.len());
+    for place in block {
+        let distance = |other: &[f64; 3]| (0..3).map(|k| (place[k] - other[k]).powi(2)).sum::<f64>().sqrt();
+        let nearest = coarse.iter().map(distance).fold(f64::INFINITY, f64::min);
+        assert!(nearest < moved, "{place:?} is {nearest} from every coarse splat");
+    }
 }
 
 fn middle() -> f64 {

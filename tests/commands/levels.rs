@@ -106,7 +106,13 @@ fn lod_replaces_its_own_files_and_no_others() {
     let before = content(&out);
     fails(&["lod", text(&out.join("tile.glb")), "--out", text(&out)], 2, &["tile.glb", "another folder"]);
     assert_eq!(content(&out), before);
-    // Fewer tiles replace more.
-    works(&["lod", text(&file), "--out", text(&out)]);
-    assert_eq!(content(&out).len(), 2);
+    // Fewer tiles replace more, also of a model that lies beside them.
+    let beside = out.join("model.glb");
+    fs::copy(out.join("tile.glb"), &beside).expect("copied");
+    works(&["lod", text(&beside), "--out", text(&out)]);
+    assert!(content(&out).len() == 3 && beside.is_file());
+    let out = folder.path().join("streamed");
+    works(&["lod", text(&file), "--format", "sog", "--out", text(&out)]);
+    let cell = out.join("0_0/meta.json");
+    fails(&["lod", text(&cell), "--format", "sog", "--out", text(&out)], 2, &["meta.json", "another folder"]);
 }

@@ -55,7 +55,7 @@ fn splats_on_surfaces_begin_with_the_shape_that_is_asked_for() {
     }
 }
 
-/// The shape of the first splats on points is that of reconstructed points, with and without surfaces beside them.
+/// Splats on reconstructed points begin with the opacity and the width of points, and those on surfaces with their own.
 #[test]
 fn points_beside_surfaces_begin_as_points_do() {
     let Some(gpu) = common::gpu() else { return };
