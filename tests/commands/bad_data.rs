@@ -320,6 +320,7 @@ fn a_model_of_another_format_is_told_as_what_it_is() {
         ("x.spz", &b"\x1f\x8b\x08\0"[..], ["gzip stream at byte 0", "export the file again"]),
         ("y.spz", b"NGSP\x04\0\0\0", ["header at byte 8", "export the file again"]),
         ("x.sog", b"PK\x03\x04", ["zip archive at byte 0", "export the file again"]),
+        ("meta.json", b"{\"version\": 1}", ["version of meta.json", "version 2"]),
         ("x.splat", &[7; 65], ["length at byte 64", "export the file again"]),
         ("x.glb", b"glTF\x01\0\0\0", ["magic at byte 0", "convert the file"]),
         ("x.ksplat", &[7; 64], ["format KSPLAT", "convert it to a PLY"]),

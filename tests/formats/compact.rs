@@ -105,6 +105,44 @@ fn sog_keeps_harmonics_of_every_degree() {
 }
 
 #[test]
+fn an_unpacked_sog_is_read_as_the_packed_one() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let written = with_degree(300, 2);
+    let ordered = Model { gaussians: written.gaussians.in_morton_order(), shift: [5e5, 0.0, -7.0], ..written };
+    let names: Vec<String> = sog::files(&ordered, 3)
+        .expect("written")
+        .into_iter()
+        .map(|(name, bytes)| {
+            fs::write(folder.path().join(&name), bytes).expect("written");
+            name
+        })
+        .collect();
+    let packed = sog::encode(&ordered, 3).expect("written");
+    let packed = sog::decode(Path::new("a.sog"), &packed, true).expect("read");
+    let meta = folder.path().join("meta.json");
+    assert_eq!(splats::read(&meta, true).expect("read"), packed);
+    // Every file is needed, and errors name the file.
+    for name in names {
+        let file = folder.path().join(&name);
+        let bytes = fs::read(&file).expect("a file");
+        fs::write(&file, &bytes[..bytes.len() / 2]).expect("written");
+        assert!(splats::read(&meta, true).expect_err("cut off").to_string().contains(&name));
+        fs::remove_file(&file).expect("removed");
+        assert!(splats::read(&meta, true).expect_err("not there").to_string().contains(&name));
+        fs::write(&file, bytes).expect("written");
+    }
+    // The list leads to no file elsewhere.
+    let text = fs::read_to_string(&meta).expect("text");
+    for name in ["../quats.webp", "/quats.webp", "a/quats.webp", "..", ""] {
+        fs::write(&meta, text.replace("quats.webp", name)).expect("written");
+        let error = splats::read(&meta, true).expect_err("a file elsewhere").to_string();
+        assert!(error.contains("meta.json") && error.contains("not the name of a file"), "{error}");
+    }
+    fs::write(&meta, text.replace("\"count\":300", "\"count\":4000000000")).expect("written");
+    assert!(splats::read(&meta, true).expect_err("too many").to_string().contains("number of splats"));
+}
+
+#[test]
 fn spz_of_every_version_comes_back_within_its_steps() {
     // Version 2 leaves w to be found from the others, which near zero is its root of their rounding.
     for (version, turn) in [(Version::Two, 0.2), (Version::Three, 0.006), (Version::Four, 0.006)] {

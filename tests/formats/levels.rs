@@ -3,12 +3,11 @@
 use std::collections::BTreeSet;
 use std::convert::Infallible;
 use std::fs;
-use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use psrgs_vk::format::ply::{self, Model};
-use psrgs_vk::format::splats::{self, sog};
+use psrgs_vk::format::splats;
 use psrgs_vk::geodesy::Georeference;
 use psrgs_vk::lod::{Content, StreamedSog, TileSet, Tree};
 use psrgs_vk::scene::{Coordinates, Gaussians, Geodetic, Similarity};
@@ -255,17 +254,6 @@ fn the_gltf_validator_knows_no_worse_of_packed_tiles() {
     }
 }
 
-/// An unpacked SOG as one archive.
-fn archive(folder: &Path) -> Vec<u8> {
-    let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
-    for entry in fs::read_dir(folder).expect("a folder").flatten() {
-        let name = entry.file_name().to_string_lossy().into_owned();
-        zip.start_file(name, zip::write::SimpleFileOptions::default()).expect("begun");
-        zip.write_all(&fs::read(entry.path()).expect("a file")).expect("written");
-    }
-    zip.finish().expect("an archive").into_inner()
-}
-
 /// The cells of a tree.
 fn cells<'a>(node: &'a Value, found: &mut Vec<&'a Value>) {
     match node["children"].as_array() {
@@ -286,11 +274,7 @@ fn streamed(folder: &Path, model: &Model) -> (Value, Vec<PathBuf>) {
 fn streamed_sog_has_every_cell_in_every_level() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (meta, files) = streamed(folder.path(), &with_degree(1500, 1));
-    let read = |file: &PathBuf| {
-        let bytes = archive(file.parent().expect("a folder"));
-        sog::decode(file, &bytes, true).expect("SOG").gaussians
-    };
-    let read: Vec<Gaussians> = files.iter().map(read).collect();
+    let read: Vec<Gaussians> = files.iter().map(|file| splats::read(file, true).expect("SOG").gaussians).collect();
     assert!(read.iter().all(|g| g.len() <= 400), "a file has more than four full cells");
     let mut found = Vec::new();
     cells(&meta["tree"], &mut found);

@@ -16,7 +16,7 @@ pub enum Format {
     CompressedPly,
     /// SPZ.
     Spz(spz::Version),
-    /// SOG.
+    /// SOG. Writing packs a file; reading takes `meta.json` of an unpacked SOG too.
     Sog,
     /// `.splat`.
     Splat,
@@ -86,6 +86,7 @@ impl Format {
             ([b'p', b'l', b'y', ..], _) => Self::Ply,
             ([b'N', b'G', b'S', b'P', ..], _) => spz,
             ([b'g', b'l', b'T', b'F', ..], _) => Self::Glb,
+            ([b'{', ..], None) if is_unpacked_sog(file) => Self::Sog,
             ([0x1f, 0x8b, ..], Some(Self::Spz(_))) | ([b'P', b'K', ..], Some(Self::Sog)) => named.unwrap_or(spz),
             // Such a file begins with numbers, which could be anything but text.
             (begin, Some(Self::Splat)) if !foreign::is_text(begin) => Self::Splat,
@@ -102,10 +103,15 @@ pub fn read(file: &Path, strict: bool) -> Result<Model, Error> {
     decoded(Format::of_content(file)?, file, strict)
 }
 
+fn is_unpacked_sog(file: &Path) -> bool {
+    file.file_name() == Some(sog::META.as_ref())
+}
+
 fn decoded(format: Format, file: &Path, strict: bool) -> Result<Model, Error> {
     let decode = match format {
         Format::Ply | Format::CompressedPly => return ply::read_with(file, strict),
         Format::Spz(_) => spz::decode,
+        Format::Sog if is_unpacked_sog(file) => return sog::read_unpacked(file, strict),
         Format::Sog => sog::decode,
         Format::Splat => splat::decode,
         Format::Glb => gltf::decode,

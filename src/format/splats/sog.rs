@@ -1,4 +1,4 @@
-//! SOG, version 2: a zip archive of `meta.json` and lossless WebP pictures, one pixel per splat.
+//! SOG, version 2: `meta.json` and lossless WebP pictures of one pixel per splat, in a zip archive or in a folder.
 //!
 //! | picture | red, green, blue | alpha |
 //! |---|---|---|
@@ -16,11 +16,13 @@
 mod read;
 mod write;
 
-pub use read::decode;
+pub use read::{decode, read_unpacked};
 pub use write::{encode, files};
 
 use serde::{Deserialize, Serialize};
 
+/// The file that tells of the pictures.
+pub(super) const META: &str = "meta.json";
 /// Most pixels on a side of a WebP picture.
 const MOST_SIDE: usize = 16_384;
 /// Palette entries in a row of `shN_centroids`.

@@ -1,6 +1,7 @@
 //! Reads SOG files.
 
 use std::f32::consts::SQRT_2;
+use std::fs;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
@@ -8,10 +9,10 @@ use zip::ZipArchive;
 
 use super::super::decoding::{damaged, finished, set_coefficient, splat_count, with_largest};
 use super::super::encoding::{logit_of_alpha, rest};
-use super::{MOST_SIDE, Meta, PALETTE_ROW, Palette};
+use super::{META, MOST_SIDE, Meta, PALETTE_ROW, Palette};
 use crate::format::contain::contained;
 use crate::format::ply::Model;
-use crate::format::{At, Error};
+use crate::format::{At, Error, source};
 use crate::scene::Gaussians;
 
 /// Most bytes of `meta.json`.
@@ -27,9 +28,25 @@ const SPARE_BYTES: u64 = 1 << 16;
 pub fn decode(file: &Path, bytes: &[u8], strict: bool) -> Result<Model, Error> {
     let wrong = |problem: &dyn std::fmt::Display| damaged(file, "zip archive", At::Byte(0), problem);
     let archive = contained(|| ZipArchive::new(Cursor::new(bytes))).map_err(|e| wrong(&e))?.map_err(|e| wrong(&e))?;
-    let mut source = Source { file, archive };
+    model(Source { file, place: Place::Archive(archive) }, bytes.len(), strict)
+}
+
+/// A model from an unpacked SOG: `file` is its `meta.json`, with the pictures beside it. `strict` is as in [`decode`].
+pub fn read_unpacked(file: &Path, strict: bool) -> Result<Model, Error> {
+    let folder = match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let files = fs::read_dir(folder).map_err(Error::io(folder, "read"))?.flatten();
+    let bytes: u64 = files.filter_map(|file| file.metadata().ok()).map(|file| file.len()).sum();
+    model(Source { file, place: Place::Folder(folder) }, usize::try_from(bytes).unwrap_or(usize::MAX), strict)
+}
+
+/// The model in files of so many bytes.
+fn model(mut source: Source<'_>, bytes: usize, strict: bool) -> Result<Model, Error> {
+    let file = source.file;
     let meta = source.meta()?;
-    let n = splat_count(file, meta.count, bytes.len(), At::Byte(0))?;
+    let n = splat_count(file, meta.count, bytes, At::Byte(0))?;
     let mut g = Gaussians::zeros(n);
     let shift = meta.asset.offset.unwrap_or_default();
     if shift.iter().any(|v| !v.is_finite()) {
@@ -49,7 +66,13 @@ pub fn decode(file: &Path, bytes: &[u8], strict: bool) -> Result<Model, Error> {
 
 struct Source<'a> {
     file: &'a Path,
-    archive: ZipArchive<Cursor<&'a [u8]>>,
+    place: Place<'a>,
+}
+
+/// Where the files of a SOG are.
+enum Place<'a> {
+    Archive(ZipArchive<Cursor<&'a [u8]>>),
+    Folder(&'a Path),
 }
 
 /// Red, green, blue and alpha of a picture's pixels.
@@ -69,15 +92,29 @@ impl Source<'_> {
         damaged(self.file, field, At::Byte(0), problem)
     }
 
-    /// The bytes of a file in the archive, at most `most`.
+    /// The bytes of a file of the SOG, at most `most`.
     fn entry(&mut self, name: &str, most: u64) -> Result<Vec<u8>, Error> {
         let file = self.file;
         let mut bytes = Vec::new();
-        let read = contained(|| {
-            let entry = self.archive.by_name(name).map_err(|e| e.to_string())?;
-            entry.take(most + 1).read_to_end(&mut bytes).map_err(|e| e.to_string())
-        });
-        read.and_then(|read| read).map_err(|e| damaged(file, name, At::Byte(0), e))?;
+        match &mut self.place {
+            Place::Archive(archive) => {
+                let read = contained(|| {
+                    let entry = archive.by_name(name).map_err(|e| e.to_string())?;
+                    entry.take(most + 1).read_to_end(&mut bytes).map_err(|e| e.to_string())
+                });
+                read.and_then(|read| read).map_err(|e| damaged(file, name, At::Byte(0), e))?;
+            }
+            Place::Folder(folder) => {
+                // No name leads out of the folder.
+                if Path::new(name).file_name() != Some(name.as_ref()) {
+                    let problem = format_args!("'{name}' is not the name of a file beside it");
+                    return Err(damaged(file, "files", At::Byte(0), problem));
+                }
+                let beside = folder.join(name);
+                let (opened, _) = source::open(&beside)?;
+                opened.take(most + 1).read_to_end(&mut bytes).map_err(Error::io(&beside, "read"))?;
+            }
+        }
         if bytes.len() as u64 > most {
             return Err(damaged(file, name, At::Byte(0), format_args!("has more than {most} bytes")));
         }
@@ -85,7 +122,7 @@ impl Source<'_> {
     }
 
     fn meta(&mut self) -> Result<Meta, Error> {
-        let bytes = self.entry("meta.json", MOST_META)?;
+        let bytes = self.entry(META, MOST_META)?;
         let failed = |e: serde_json::Error| damaged(self.file, "meta.json", At::Line(e.line().max(1) as u64), e);
         let version: serde_json::Value = serde_json::from_slice(&bytes).map_err(failed)?;
         if version.get("version").and_then(serde_json::Value::as_u64) != Some(2) {

@@ -8,7 +8,7 @@ use zip::write::SimpleFileOptions;
 
 use super::super::encoding::{alpha_byte, byte, check, coefficient, largest_first, rest, unit_quat};
 use super::super::{EncodeError, codebook, palette};
-use super::{Asset, Coded, Files, MOST_SIDE, Means, Meta, PALETTE_ROW, Palette, picture_size};
+use super::{Asset, Coded, Files, META, MOST_SIDE, Means, Meta, PALETTE_ROW, Palette, picture_size};
 use crate::format::ply::Model;
 use crate::scene::Gaussians;
 
@@ -36,7 +36,7 @@ pub fn files(model: &Model, sh_degree: u32) -> Result<Vec<(String, Vec<u8>)>, En
     let (meta, pictures) = parts(model, &model.gaussians, sh_degree)?;
     let meta = serde_json::to_vec(&meta).map_err(|e| EncodeError::Encoder(e.to_string()))?;
     let named = pictures.into_iter().map(|(name, bytes)| (format!("{name}.webp"), bytes));
-    Ok(named.chain([("meta.json".to_owned(), meta)]).collect())
+    Ok(named.chain([(META.to_owned(), meta)]).collect())
 }
 
 /// Names and bytes of pictures.
@@ -93,7 +93,7 @@ fn archive(meta: &Meta, pictures: Pictures) -> Result<Vec<u8>, EncodeError> {
         // The same model gives the same bytes at any time.
         .last_modified_time(zip::DateTime::default());
     let named = pictures.into_iter().map(|(name, bytes)| (format!("{name}.webp"), bytes));
-    for (name, bytes) in named.chain([("meta.json".to_owned(), meta)]) {
+    for (name, bytes) in named.chain([(META.to_owned(), meta)]) {
         zip.start_file(name, options).map_err(|e| failed(&e))?;
         zip.write_all(&bytes).map_err(|e| failed(&e))?;
     }
