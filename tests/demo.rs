@@ -62,7 +62,7 @@ fn a_small_demo_leaves_everything_it_promises() {
         assert!(metrics[key].is_f64(), "{key}: {}", metrics[key]);
     }
     let report = std::fs::read_to_string(trained.join("report.html")).unwrap();
-    assert!(report.contains("floaters") && report.contains("PSNR off the path"));
+    assert!(report.contains("opaque mass off the surface") && report.contains("PSNR off the path"));
     assert!(report.contains("view_0008.jpg"), "the report does not show the held-out view");
 
     // A second run into the same folder works.

@@ -282,7 +282,7 @@ fn tell(metrics: &Metrics, model: &Path, report: Option<&Path>, console: &Consol
         console.say(format_args!("{seconds:.0} s in all, of which {}", shares.join(", ")));
     }
     let known: Vec<String> =
-        metrics.geometry.rows().into_iter().map(|(name, value)| format!("{name} {value}")).collect();
+        metrics.geometry.rows_in_short().into_iter().map(|(name, value)| format!("{name} {value}")).collect();
     if !known.is_empty() {
         console.say(format_args!("geometry: {}", known.join("; ")));
     }

@@ -161,11 +161,31 @@ fn known_distances(offset: [f64; 3], square: &Mesh) {
     let near = off_surface(&model, &frame, 5000.0, &Closest::new(square));
     assert!(near.floaters.is_some_and(|share| share == 0.0 && share.is_sign_positive()), "{near:?}");
     let geometry = Geometry { floaters: near.floaters, ..Geometry::default() };
-    assert_eq!(geometry.rows(), [("floaters", "0.00 %".to_owned())]);
+    assert!(geometry.rows_in_short().is_empty());
+    assert_eq!(geometry.rows(), [("opaque mass off the surface", "0.00 %".to_owned())]);
     let nothing = off_surface(&model, &frame, 50.0, &Closest::new(&Mesh::default()));
     assert_eq!((nothing.distance, nothing.floaters), (None, None));
     let empty = off_surface(&Gaussians::zeros(0), &frame, 50.0, &Closest::new(square));
     assert_eq!((empty.distance, empty.floaters), (None, None));
+}
+
+#[test]
+fn the_line_after_a_training_has_the_most_telling_numbers() {
+    let known = Some(0.25);
+    let geometry = Geometry {
+        psnr_offpath: known,
+        depth_median_error: known,
+        depth_of_median_error: known,
+        floaters_front: known,
+        floaters_behind: known,
+        normal_median_degrees: known,
+        surface_distance: known,
+        surface_distance_gsd: known,
+        floaters: known,
+        depth_points_error: known,
+        ..Geometry::default()
+    };
+    assert_eq!((geometry.rows().len(), geometry.rows_in_short().len()), (10, 6));
 }
 
 #[test]

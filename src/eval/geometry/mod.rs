@@ -165,6 +165,16 @@ pub fn measure_by<E: From<GeometryError>>(
     Ok(Geometry { depth_points_error: points.median, depth_points_error_expected: points.expected, ..measured })
 }
 
+/// Names of [`Geometry::rows_in_short`].
+const IN_SHORT: [&str; 6] = [
+    "PSNR off the path",
+    "error of the median depth, median",
+    "weight in front of the surface",
+    "normal error, median",
+    "distance in ground sample distances",
+    "error of the median depth at reconstructed points",
+];
+
 impl Geometry {
     /// Names and values of what is there, to be shown.
     pub fn rows(&self) -> Vec<(&'static str, String)> {
@@ -185,7 +195,7 @@ impl Geometry {
             ("normal error, median", self.normal_median_degrees.map(|v| format!("{v:.1}\u{b0}"))),
             ("distance to the surface, median", self.surface_distance.map(|v| format!("{v:.3} units"))),
             ("distance in ground sample distances", self.surface_distance_gsd.map(|v| format!("{v:.2}"))),
-            ("floaters", self.floaters.map(percent)),
+            ("opaque mass off the surface", self.floaters.map(percent)),
             ("error of the median depth at reconstructed points", self.depth_points_error.map(percent)),
             ("depth error at reconstructed points", self.depth_points_error_expected.map(percent)),
             ("error of the median depth where stereo knows it", self.depth_stereo_error.map(percent)),
@@ -194,5 +204,10 @@ impl Geometry {
         .into_iter()
         .filter_map(|(name, value)| Some((name, value?)))
         .collect()
+    }
+
+    /// The [`rows`](Self::rows) that one line has room for.
+    pub fn rows_in_short(&self) -> Vec<(&'static str, String)> {
+        self.rows().into_iter().filter(|(name, _)| IN_SHORT.contains(name)).collect()
     }
 }
