@@ -56,18 +56,19 @@ fn subject(report: &Report) -> String {
 /// Commands and waits of the host in a step, and the loss of the steps.
 fn work_of_a_step(report: &Report) -> String {
     let Report { loss, per_step: host, .. } = report;
+    let tenths = |mean: f64| (10.0 * mean).round() / 10.0;
     format!(
         "per step: {} dispatches, {} fills and copies, {} barriers ({} ranges), {} submits, {} host waits, {} pacing \
          waits\n\
          mean loss over the views: {:.5} at first, {:.5} at last\n\
          {} steps after {} to warm up; at most {} of device memory\n",
-        host.dispatches,
-        host.transfers,
-        host.barriers,
-        host.buffer_barriers,
-        host.submits,
-        host.host_waits,
-        host.pacing_waits,
+        tenths(host.dispatches),
+        tenths(host.transfers),
+        tenths(host.barriers),
+        tenths(host.buffer_barriers),
+        tenths(host.submits),
+        tenths(host.host_waits),
+        tenths(host.pacing_waits),
         loss.first_pass,
         loss.last_pass,
         report.steps,
